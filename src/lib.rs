@@ -1,0 +1,8 @@
+//! Opens raw airborne LiDAR (LAS, LAZ, COPC) and ray-traces it on any Vulkan GPU.
+//!
+//! Data moves one way: `source` (files, chunks) → `section` (points to columns) →
+//! `stream` (pool, transfer) → `render` (traversal, image). Imports run downward only.
+
+pub mod coords;
+pub mod gpu;
+pub mod source;
