@@ -1,0 +1,3 @@
+//! From points to resident sections: binning workers, the pool, transfers, the section table.
+
+pub mod table;
