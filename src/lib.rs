@@ -6,4 +6,5 @@
 pub mod attribute;
 pub mod coords;
 pub mod gpu;
+pub mod render;
 pub mod source;
