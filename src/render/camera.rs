@@ -5,6 +5,9 @@ use glam::DVec3;
 /// Share of the picture's half-width and half-height that framed data fill.
 const FRAME_FILL: f64 = 0.96;
 
+/// Least depth of framed data, in radii of their box.
+const NEAREST: f64 = 0.05;
+
 /// Vertical field of view when none is asked for, degrees.
 pub const DEFAULT_FOV: f64 = 45.0;
 /// Azimuth and elevation when none are asked for, degrees: looking north, 35° down.
@@ -240,12 +243,12 @@ impl Camera {
                 let tan_y = (fov.to_radians() * 0.5).tan() * FRAME_FILL;
                 let (x, far_x) = fit(local.map(|p| [p.x, p.z]), tan_y * width / height);
                 let (y, far_y) = fit(local.map(|p| [p.y, p.z]), tan_y);
-                let z = far_x.min(far_y);
+                // A wide angle would put the eye onto an edge of a flat box.
+                let nearest = local.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
+                let z = far_x.min(far_y).min(nearest - NEAREST * radius);
                 (DVec3::new(x, y, z), -z)
             }
         };
-        // A flat box seen with a wide angle may have its middle behind the eye.
-        let depth = if depth > 0.0 { depth } else { radius };
         let eye = center + axes.right * eye.x + axes.up * eye.y + axes.forward * eye.z;
         finite3(["eye E", "eye N", "eye U"], eye)?;
         Ok(Camera { eye, target: eye + axes.forward * depth, axes, projection })
@@ -569,13 +572,17 @@ mod tests {
             let camera = Camera::frame(&bounds, [az, el], Projection::Perspective { fov }, size).unwrap();
             // Widest use of the half-picture by a corner: 1 = at the border.
             let mut fill: f64 = 0.0;
+            let mut nearest = f64::INFINITY;
             for p in bounds.corners() {
                 let [px, py, depth] = project(&camera, size, p);
-                prop_assert!(depth > 0.0);
+                nearest = nearest.min(depth);
                 fill = fill.max(((px + 0.5) * 2.0 / f64::from(width) - 1.0).abs());
                 fill = fill.max(((py + 0.5) * 2.0 / f64::from(height) - 1.0).abs());
             }
-            prop_assert!((fill - FRAME_FILL).abs() < 1e-5, "fills {fill}");
+            let least = NEAREST * 0.5 * (bounds.max - bounds.min).length();
+            prop_assert!(nearest > least * 0.999);
+            prop_assert!(fill < FRAME_FILL + 1e-5, "fills {fill}");
+            prop_assert!(fill > FRAME_FILL - 1e-5 || nearest < least * 1.001, "fills {fill}");
         }
 
         #[test]
