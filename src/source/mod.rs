@@ -1,5 +1,9 @@
 //! Files in, points out: headers, chunk index, decoding in blocks of columns.
 
+pub mod crs;
+pub mod inputs;
+pub mod placement;
+
 use glam::DVec3;
 use std::path::PathBuf;
 
