@@ -194,7 +194,7 @@ fn expand_pattern(pattern: String, found: &mut Found) {
             Err(error) => {
                 empty = false;
                 let path = error.path().to_owned();
-                found.failed.push(InputError::Unreadable { path, source: error.into_error() });
+                found.failed.push(InputError::Unreadable { path, source: error.into() });
             }
         }
     }
@@ -365,7 +365,7 @@ mod tests {
         use std::os::unix::fs::PermissionsExt;
         let root = tree();
         let locked = root.path().join("odd [1]");
-        fs::set_permissions(&locked, fs::Permissions::from_mode(0)).unwrap();
+        fs::set_permissions(&locked, fs::Permissions::from_mode(0o000)).unwrap();
         let may_anyway = fs::read_dir(&locked).is_ok();
         let inputs = expand([root.path()]);
         fs::set_permissions(&locked, fs::Permissions::from_mode(0o755)).unwrap();

@@ -3,6 +3,7 @@
 pub mod crs;
 pub mod inputs;
 pub mod placement;
+mod wkt;
 
 use glam::DVec3;
 use std::path::PathBuf;
