@@ -7,10 +7,14 @@
 
 mod bytes;
 mod chunks;
+pub mod crs;
 mod decode;
 mod error;
 mod header;
+pub mod inputs;
+pub mod placement;
 mod vlr;
+mod wkt;
 
 pub use bytes::{FileBytes, OpenFile};
 pub use decode::Decoder;
