@@ -84,6 +84,12 @@ impl Record {
     pub fn class(self) -> u8 {
         (self.0[1] >> 24) as u8
     }
+
+    /// Class flags, [`crate::source::FLAG_WITHHELD`] and its neighbours.
+    #[inline]
+    pub fn flags(self) -> u8 {
+        self.0[2] as u8
+    }
 }
 
 /// Height as an unsigned number of the same order; 0 is left free, since `Height` is never `i32::MIN`.

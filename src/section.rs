@@ -43,6 +43,7 @@ pub struct Columns {
     more: Vec<Best>,
     points: u64,
     occupied_blocks: usize,
+    occupied_columns: usize,
 }
 
 impl Default for Columns {
@@ -52,6 +53,7 @@ impl Default for Columns {
             more: Vec::new(),
             points: 0,
             occupied_blocks: 0,
+            occupied_columns: 0,
         }
     }
 }
@@ -87,6 +89,7 @@ impl Columns {
         let first = &mut block[column];
         if first.record.is_empty() {
             first.record = record;
+            self.occupied_columns += 1;
             return;
         }
         if same_run(first.record, record) {
@@ -120,7 +123,13 @@ impl Columns {
     pub fn bytes(&self) -> usize {
         SECTION_BLOCKS * size_of::<Option<Box<[Best; BLOCK_COLUMNS]>>>()
             + self.occupied_blocks * size_of::<[Best; BLOCK_COLUMNS]>()
-            + self.more.capacity() * size_of::<Best>()
+            + self.more.len() * size_of::<Best>()
+    }
+
+    /// Bytes of device memory the section will take, or a little less where its heights need 32 bits.
+    pub fn device_bytes(&self) -> u64 {
+        let code = HeightCode { base: 0, shift: 0, wide: false };
+        Layout::new((self.occupied_columns + self.more.len()) as u32, code).device_bytes()
     }
 
     /// Calls `each(x, y, records)` for every occupied column in block order; the records of a column are
@@ -169,7 +178,7 @@ impl Columns {
         self.columns(|_, _, records| {
             runs += records.len().min(MOST_RUNS);
             for record in records.iter() {
-                let height = record.height();
+                let height = of_record(record);
                 lowest = lowest.min(height.0);
                 highest = highest.max(height.0);
                 let withheld = record.flags() & FLAG_WITHHELD != 0;
@@ -197,7 +206,7 @@ impl Columns {
             let count_at = block * BLOCK_COLUMNS + column;
             words[layout.counts as usize + count_at / 4] |= (records.len() as u32) << (8 * (count_at % 4));
             for record in records.iter() {
-                let code_word = code.encode(record.height());
+                let code_word = code.encode(of_record(record));
                 if code.wide {
                     words[(layout.heights + run) as usize] = code_word;
                 } else {
@@ -211,6 +220,11 @@ impl Columns {
         words[layout.blocks as usize..][next_block..SECTION_BLOCKS].fill(run);
         Packed { words, layout, points: self.points, highest_of }
     }
+}
+
+/// Height of a record that is not empty.
+fn of_record(record: &Record) -> Height {
+    record.height().expect("columns hold no empty records")
 }
 
 /// Most runs a column can hold on the device (its count is one byte). The highest are kept.
@@ -351,10 +365,10 @@ pub struct Packed {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attribute::Record;
+    use crate::attribute::Attributes;
 
     fn record(h: i32, class: u8, flags: u8) -> Record {
-        Record::new(Height(h), class, 7, [1, 2, 3], 0x11, flags)
+        Record::pack(Attributes { height: Height(h), class, intensity: 7, rgb: [1, 2, 3], returns: 0x11, flags })
     }
 
     #[test]
