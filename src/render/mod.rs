@@ -1,3 +1,6 @@
 //! Camera, passes of a frame, the image, and a CPU reference that checks it.
 
 pub mod camera;
+pub mod image;
+pub mod reference;
+pub mod whole_file;
