@@ -3,7 +3,7 @@
 //! Uses the data that the `las` crate's package carries, and `../shared/data` (or `LASRAY_DATA`) where it
 //! is there.
 
-use lasray::source::{Decoder, LidarFile, PointBlock, SourceError, Warning};
+use lasray::source::{Decoder, LidarFile, PointBlock, SourceError};
 use std::path::{Path, PathBuf};
 
 /// What is compared of a file: counts and wrapping sums of every column.
@@ -55,31 +55,31 @@ fn ours(file: &LidarFile) -> (Sums, Vec<SourceError>) {
     (sums, errors)
 }
 
+/// The same of `las`'s own columns; class and flags of the raw bytes, for which it has no column.
 fn theirs(path: &Path) -> Sums {
-    let mut sums = Sums::default();
     let mut reader = las::Reader::from_path(path).unwrap();
-    let t = *reader.header().transforms();
-    for point in reader.points() {
-        let p = point.unwrap().into_raw(&t).unwrap();
-        sums.points += 1;
-        sums.x += i64::from(p.x);
-        sums.y += i64::from(p.y);
-        sums.z += i64::from(p.z);
-        let (class, flags, returns) = match p.flags {
-            las::raw::point::Flags::TwoByte(a, b) => (b & 31, b >> 5, [a & 7, a >> 3 & 7]),
-            las::raw::point::Flags::ThreeByte(a, b, c) => (c, b & 15, [a & 15, a >> 4]),
-        };
+    let points = reader.read_all().unwrap();
+    let mut sums = Sums {
+        points: points.len() as u64,
+        x: points.x_raw().map(i64::from).sum(),
+        y: points.y_raw().map(i64::from).sum(),
+        z: points.z_raw().map(i64::from).sum(),
+        intensity: points.intensity().map(u64::from).sum(),
+        returns: [
+            points.return_number().map(u64::from).sum(),
+            points.number_of_returns().map(u64::from).sum(),
+        ],
+        ..Sums::default()
+    };
+    for (r, g, b) in points.rgb().into_iter().flatten() {
+        sums.rgb = [sums.rgb[0] + u64::from(r), sums.rgb[1] + u64::from(g), sums.rgb[2] + u64::from(b)];
+    }
+    for record in points.raw_bytes().chunks_exact(points.record_len()) {
+        let (class, flags) =
+            if points.format().is_extended { (record[16], record[15] & 15) } else { (record[15] & 31, record[15] >> 5) };
         sums.class += u64::from(class);
         for (bit, sum) in sums.flags.iter_mut().enumerate() {
             *sum += u64::from(flags >> bit & 1);
-        }
-        sums.intensity += u64::from(p.intensity);
-        sums.returns[0] += u64::from(returns[0]);
-        sums.returns[1] += u64::from(returns[1]);
-        if let Some(c) = p.color {
-            sums.rgb[0] += u64::from(c.red);
-            sums.rgb[1] += u64::from(c.green);
-            sums.rgb[2] += u64::from(c.blue);
         }
     }
     sums
