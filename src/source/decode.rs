@@ -3,6 +3,7 @@
 use super::{
     BLOCK_RECORDS, Chunk, FileHeader, LidarFile, OpenFile, PointBlock, SourceError,
     contain::contain,
+    gps_time::GpsTime,
     laszip::{Compressor, Laszip},
     layers::ChunkLayers,
     stream::{ByteStream, Splice, source_error},
@@ -260,14 +261,14 @@ impl<'f, 'i> Sequential<'f, 'i> {
 
     /// `items` have been checked to be of versions 1 and 2 and of these types.
     fn add_fields(&mut self) {
-        use LazItemType::*;
+        use LazItemType::{Byte, Point10, RGB12, WavePacket13};
         let to = &mut self.inner;
         for item in self.items {
             match (item.item_type(), item.version()) {
                 (Point10, 1) => to.add_field_decompressor(v1::LasPoint0Decompressor::default()),
                 (Point10, _) => to.add_field_decompressor(v2::LasPoint0Decompressor::default()),
-                (GpsTime, 1) => to.add_field_decompressor(v1::LasGpsTimeDecompressor::default()),
-                (GpsTime, _) => to.add_field_decompressor(v2::GpsTimeDecompressor::default()),
+                (LazItemType::GpsTime, 1) => to.add_field_decompressor(v1::LasGpsTimeDecompressor::default()),
+                (LazItemType::GpsTime, _) => to.add_field_decompressor(GpsTime::default()),
                 (RGB12, 1) => to.add_field_decompressor(v1::LasRGBDecompressor::default()),
                 (RGB12, _) => to.add_field_decompressor(v2::LasRGBDecompressor::default()),
                 (WavePacket13, _) => to.add_field_decompressor(v1::LasWavepacketDecompressor::default()),
