@@ -439,7 +439,7 @@ impl Renderer {
     /// Channels of the picture: distances and heights in f64 from what the device found.
     fn finish(&self, view: &View, shown: &RayBasis, rays: &RayBasis, hits: &[Hit], colors: Vec<[f32; 4]>) -> Image {
         let [width, height] = view.size;
-        let mut image = Image::new(width, height);
+        let mut image = Image::new(view.size);
         for (at, (hit, color)) in hits.iter().zip(colors).enumerate() {
             image.color[at] = color;
             let class = hit.bits & 0x1FF;
@@ -451,7 +451,7 @@ impl Renderer {
             let t = f64::from(hit.t);
             image.distance[at] = (shown.distance_eye_to_plane(px, py) + t) as f32;
             image.origin[at] = hit.bits >> 9 & 7;
-            image.height[at] = if hit.bits >> 12 == FACE_TOP {
+            image.hit_height[at] = if hit.bits >> 12 == FACE_TOP {
                 Height(hit.top.wrapping_add(self.anchor.0)).units() as f32
             } else {
                 let along = rays.direction(px, py).z / rays.length(px, py);
