@@ -5,4 +5,5 @@
 
 pub mod coords;
 pub mod gpu;
+pub mod sample;
 pub mod source;
