@@ -6,11 +6,8 @@
 pub mod attribute;
 pub mod coords;
 pub mod gpu;
-<<<<<<< HEAD
 pub mod render;
-pub mod section;
-=======
 pub mod sample;
->>>>>>> h-crs
+pub mod section;
 pub mod source;
 pub mod stream;
