@@ -105,23 +105,20 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
 
 // Moves the walk's start to where its ray enters what the table covers; false if it never does.
 bool enter(inout Walk walk) {
-    vec2 t_in = vec2(0.0);
-    bvec2 below = lessThan(walk.cell, FRAME.low), above = greaterThanEqual(walk.cell, FRAME.high);
-    vec2 t_near = t_at(walk, mix(FRAME.high, FRAME.low, equal(walk.upward, ivec2(1))));
-    vec2 t_far = t_at(walk, mix(FRAME.low, FRAME.high, equal(walk.upward, ivec2(1))));
-    for (int axis = 0; axis < 2; axis++) {
-        if (!below[axis] && !above[axis]) continue;
-        if (t_near[axis] < 0.0 || t_near[axis] > FAR) return false;
-        t_in[axis] = t_near[axis];
-    }
-    int axis = t_in.x >= t_in.y ? 0 : 1, other = 1 - axis;
-    float t = t_in[axis];
+    ivec2 low = FRAME.low, high = FRAME.high;
+    bvec2 eastward = equal(walk.upward, ivec2(1));
+    bvec2 outside = bvec2(any(bvec2(walk.cell.x < low.x, walk.cell.x >= high.x)), any(bvec2(walk.cell.y < low.y, walk.cell.y >= high.y)));
+    vec2 t_near = t_at(walk, mix(high, low, eastward)), t_far = t_at(walk, mix(low, high, eastward));
+    if (any(bvec2(outside.x && (t_near.x < 0.0 || t_near.x > FAR), outside.y && (t_near.y < 0.0 || t_near.y > FAR)))) return false;
+    vec2 t_in = mix(vec2(0.0), t_near, outside);
+    float t = max(t_in.x, t_in.y);
     if (t >= min(t_far.x, t_far.y)) return false;
     if (t > 0.0) {
-        walk.cell[axis] = walk.upward[axis] == 1 ? FRAME.low[axis] : FRAME.high[axis] - 1;
-        int across = walk.ray.cell[other] + int(floor(fma(t, walk.ray.step[other], walk.ray.fraction[other])));
-        walk.cell[other] = clamp(across, FRAME.low[other], FRAME.high[other] - 1);
-        walk.face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(1 - walk.upward[axis]);
+        ivec2 across = walk.ray.cell.xy + ivec2(floor(fma(vec2(t), walk.ray.step.xy, walk.ray.fraction.xy)));
+        ivec2 border = mix(high - 1, low, eastward);
+        bool through_x = t_in.x >= t_in.y;
+        walk.cell = clamp(mix(across, border, bvec2(through_x, !through_x)), low, high - 1);
+        walk.face = (through_x ? FACE_WEST : FACE_SOUTH) + uint(1 - (through_x ? walk.upward.x : walk.upward.y));
         walk.t = t;
     }
     return true;

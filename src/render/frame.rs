@@ -267,7 +267,7 @@ impl Renderer {
         if depth.is_finite() { (depth * 16.0).floor().max(0.0) / 16.0 } else { 0.0 }
     }
 
-    fn prepare(&mut self, scene: &Scene, slot: usize, slots: usize, size: [u32; 2]) -> Result<(), FrameError> {
+    fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2]) -> Result<(), FrameError> {
         let gpu = scene.gpu();
         let pixels = u64::from(size[0]) * u64::from(size[1]);
         let bytes = pixels * BYTES_PER_PIXEL;
@@ -290,7 +290,7 @@ impl Renderer {
                 colors_back: Buffer::new(gpu, "colors read back", MemoryKind::Readback, bytes)?,
             });
         }
-        self.in_flight.resize_with(slots.max(self.in_flight.len()).max(slot + 1), || None);
+        self.in_flight.resize_with(self.in_flight.len().max(slot + 1), || None);
         Ok(())
     }
 
@@ -302,8 +302,8 @@ impl Renderer {
         shown: &RayBasis,
         rays: &RayBasis,
     ) -> Result<SyncPoint, FrameError> {
-        let slot = scene.order.next_frame()?;
-        self.prepare(scene, slot, slot + 1, view.size)?;
+        let (mut commands, slot) = scene.order.begin_frame("frame")?;
+        self.prepare(scene, slot, view.size)?;
         let table = Table::build(entries, self.anchor);
         let table_bytes: &[u8] = bytemuck::cast_slice(&table.slots);
         let gpu = scene.gpu().clone();
@@ -330,7 +330,6 @@ impl Renderer {
             Traversal::Plain => &self.plain,
         };
         let groups = [view.size[0].div_ceil(GROUP[0]), view.size[1].div_ceil(GROUP[1]), 1];
-        let mut commands = scene.order.begin_frame("frame")?;
         for buffer in [&buffers.frame, &buffers.table, &buffers.ramp, &target.hits, &target.colors] {
             commands.keep(buffer.clone());
         }

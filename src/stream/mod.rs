@@ -4,3 +4,4 @@ pub mod bins;
 pub mod pool;
 pub mod scene;
 pub mod table;
+pub mod workers;
