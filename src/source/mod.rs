@@ -1,7 +1,28 @@
 //! Files in, points out: headers, chunk index, decoding in blocks of columns.
+//!
+//! [`LidarFile::open`] reads the header, the index of variable length records and the index of chunks,
+//! each checked against the file's length. A [`Decoder`] (one a worker thread) turns chunks into
+//! [`PointBlock`]s. Nothing is printed here: what is wrong is a [`SourceError`], or a [`Warning`] in
+//! [`LidarFile::warnings`] where points can be read all the same.
 
-use glam::DVec3;
-use std::path::PathBuf;
+mod bytes;
+mod chunks;
+pub mod crs;
+mod decode;
+mod error;
+mod header;
+pub mod inputs;
+pub mod placement;
+mod vlr;
+mod wkt;
+
+pub use bytes::{FileBytes, OpenFile};
+pub use decode::Decoder;
+pub use error::{SourceError, Warning};
+pub use header::FileHeader;
+pub use vlr::VlrEntry;
+
+use std::path::Path;
 
 /// Most records a [`PointBlock`] holds.
 pub const BLOCK_RECORDS: usize = 65_536;
@@ -22,7 +43,7 @@ pub struct Chunk {
 }
 
 /// Up to [`BLOCK_RECORDS`] decoded points of one chunk, as columns of equal length.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointBlock {
     /// Index in the file of the block's first record.
     pub first_record: u64,
@@ -44,6 +65,18 @@ pub struct PointBlock {
     pub rgb: Vec<[u16; 3]>,
 }
 
+impl PointBlock {
+    /// Points in it.
+    pub fn len(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Whether it holds no point.
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty()
+    }
+}
+
 /// Class flag: made by other means than the laser (LAS 1.4 R15, table 9).
 pub const FLAG_SYNTHETIC: u8 = 1;
 /// Class flag: model key-point.
@@ -53,42 +86,58 @@ pub const FLAG_WITHHELD: u8 = 4;
 /// Class flag: in the overlap of two flight lines (formats 6-10).
 pub const FLAG_OVERLAP: u8 = 8;
 
-/// The part of a LAS header that matters here; every field as stored, checked where its comment says so.
-#[derive(Clone, Debug)]
-pub struct FileHeader {
-    /// LAS version, major and minor.
-    pub version: (u8, u8),
-    /// Point data record format, 0 to 10 (checked), without the compression bits.
-    pub format: u8,
-    /// LAZ.
-    pub compressed: bool,
-    /// A COPC info VLR is present and sane.
-    pub copc: bool,
-    /// Bytes in a record (checked: at least the format's).
-    pub record_len: u16,
-    /// X, Y, Z scale (checked: finite, positive).
-    pub scale: DVec3,
-    /// X, Y, Z offset (checked: finite).
-    pub offset: DVec3,
-    /// Lower bounds as stored: may be NaN, infinite, inverted or simply wrong.
-    pub min: DVec3,
-    /// Upper bounds as stored: likewise.
-    pub max: DVec3,
-    /// Point count as stored.
-    pub claimed_points: u64,
+/// An opened LAS, LAZ or COPC file: everything but the points.
+#[derive(Debug)]
+pub struct LidarFile {
+    /// The file's bytes; [`FileBytes::release`] closes it until it is read again.
+    pub bytes: FileBytes,
+    /// The header.
+    pub header: FileHeader,
+    /// Variable length records, extended ones last.
+    pub vlrs: Vec<VlrEntry>,
+    /// All that can be read, in file order.
+    pub chunks: Vec<Chunk>,
+    /// What is wrong with it; the points that are missing are counted.
+    pub warnings: Vec<Warning>,
 }
 
-/// What cannot be read, and why.
-#[derive(Debug, thiserror::Error)]
-pub enum SourceError {
-    /// Named file cannot be opened or read.
-    #[error("{path}: {what}: {source}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What was tried.
-        what: String,
-        /// The system's word.
-        source: std::io::Error,
-    },
+impl LidarFile {
+    /// Opens `path`, checks it and indexes its chunks; reads no points.
+    pub fn open(path: &Path) -> Result<LidarFile, SourceError> {
+        let bytes = FileBytes::open(path)?;
+        let mut warnings = Vec::new();
+        let parsed = header::read(&bytes, &mut warnings)?;
+        let header = parsed.header;
+
+        let mut vlrs = Vec::new();
+        let walk = vlr::Walk {
+            extended: false,
+            start: parsed.vlr_start,
+            claimed: parsed.vlr_count,
+            end: header.offset_to_points,
+        };
+        walk.run(&bytes, &mut vlrs, &mut warnings)?;
+        if let Some((start, claimed)) = parsed.evlrs {
+            let walk = vlr::Walk { extended: true, start, claimed, end: bytes.len() };
+            walk.run(&bytes, &mut vlrs, &mut warnings)?;
+        }
+
+        let chunks = chunks::index_las(&header, bytes.len(), &mut warnings);
+        Ok(LidarFile { bytes, header, vlrs, chunks, warnings })
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        self.bytes.path()
+    }
+
+    /// Points that its chunks hold (what its header claims, unless there is a warning).
+    pub fn points(&self) -> u64 {
+        self.chunks.last().map_or(0, |c| c.first_record + c.records)
+    }
+
+    /// The first variable length record of that name, extended or not.
+    pub fn vlr(&self, user_id: &str, record_id: u16) -> Option<&VlrEntry> {
+        self.vlrs.iter().find(|v| v.is(user_id, record_id))
+    }
 }

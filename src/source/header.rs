@@ -1,0 +1,168 @@
+//! The public header block, checked against the file (LAS 1.4 R15, 2.4).
+
+use super::{FileBytes, SourceError, Warning};
+use glam::DVec3;
+use std::io::Read;
+
+/// The part of a LAS header that matters here; every field as stored, checked where its comment says so.
+#[derive(Clone, Debug)]
+pub struct FileHeader {
+    /// LAS version, major and minor (checked: 1.0 to 1.4).
+    pub version: (u8, u8),
+    /// Point data record format, 0 to 10 (checked), without the compression bits.
+    pub format: u8,
+    /// LAZ.
+    pub compressed: bool,
+    /// A COPC info VLR is present and sane.
+    pub copc: bool,
+    /// Global encoding bits; bit 4: the CRS is WKT.
+    pub global_encoding: u16,
+    /// Bytes in a record (checked: at least the format's).
+    pub record_len: u16,
+    /// First byte of the point data (checked: behind the header; may lie past the end of the file).
+    pub offset_to_points: u64,
+    /// X, Y, Z scale (checked: finite, positive).
+    pub scale: DVec3,
+    /// X, Y, Z offset (checked: finite).
+    pub offset: DVec3,
+    /// Lower bounds as stored: may be NaN, infinite, inverted or simply wrong.
+    pub min: DVec3,
+    /// Upper bounds as stored: likewise.
+    pub max: DVec3,
+    /// Point count as stored.
+    pub claimed_points: u64,
+}
+
+/// What [`read`] found, with what only the walk over the records needs.
+pub(super) struct Parsed {
+    pub header: FileHeader,
+    /// Where the variable length records begin.
+    pub vlr_start: u64,
+    pub vlr_count: u64,
+    /// First byte and count of the extended records; LAS 1.4 only.
+    pub evlrs: Option<(u64, u64)>,
+}
+
+/// Bytes in a record of each format (LAS 1.4 R15, tables 7 to 18).
+pub(super) const FORMAT_LEN: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+
+/// Bytes in the header of LAS 1.`minor`.
+fn header_len(minor: u8) -> u16 {
+    match minor {
+        0..=2 => 227,
+        3 => 235,
+        _ => 375,
+    }
+}
+
+/// Reads the header and checks what the rest relies on.
+pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Parsed, SourceError> {
+    let path = || bytes.path().to_owned();
+    let bad = |offset, field, value: String, reason: &str| SourceError::Header {
+        path: path(),
+        offset,
+        field,
+        value,
+        reason: reason.into(),
+    };
+    if bytes.is_empty() {
+        return Err(SourceError::Empty { path: path() });
+    }
+    let mut start = [0u8; 375];
+    let have = bytes.len().min(start.len() as u64) as usize;
+    bytes.read_exact_at(&mut start[..have], 0)?;
+    if start[..have.min(4)] != b"LASF"[..have.min(4)] {
+        return Err(SourceError::NotLas { path: path(), found: start[..have.min(4)].to_vec() });
+    }
+    let (major, minor) = (start[24], start[25]);
+    // A file that ends before its version is judged as the shortest kind.
+    if have >= 26 && (major != 1 || minor > 4) {
+        return Err(bad(24, "version", format!("{major}.{minor}"), "not one of 1.0 to 1.4"));
+    }
+    let need = header_len(minor);
+    if have < usize::from(need) {
+        return Err(SourceError::HeaderCut {
+            path: path(),
+            len: bytes.len(),
+            major,
+            minor,
+            need: need.into(),
+        });
+    }
+    // Zeros behind the end stand for padding that a wrong header size claims (65,535 bytes at most).
+    let raw = las::raw::Header::read_from(start.chain(std::io::repeat(0)))
+        .map_err(|e| bad(0, "header", "not readable".into(), &e.to_string()))?;
+
+    let format_byte = raw.point_data_record_format;
+    let (format, compressed) = (format_byte & 0x3f, format_byte & 0x80 != 0);
+    if format > 10 || format_byte & 0x40 != 0 {
+        return Err(bad(
+            104,
+            "point format",
+            format_byte.to_string(),
+            "not one of 0 to 10, or 128 to 138 for LAZ",
+        ));
+    }
+    let (record_len, least) = (raw.point_data_record_length, FORMAT_LEN[usize::from(format)]);
+    if record_len < least {
+        let reason = format!("a record of format {format} has at least {least} bytes");
+        return Err(bad(105, "point record length", record_len.to_string(), &reason));
+    }
+    let axes = [
+        (131, "X scale", raw.x_scale_factor, 155, "X offset", raw.x_offset),
+        (139, "Y scale", raw.y_scale_factor, 163, "Y offset", raw.y_offset),
+        (147, "Z scale", raw.z_scale_factor, 171, "Z offset", raw.z_offset),
+    ];
+    for (scale_at, scale_name, scale, offset_at, offset_name, offset) in axes {
+        if !(scale.is_finite() && scale > 0.0) {
+            return Err(bad(scale_at, scale_name, scale.to_string(), "must be finite and above 0"));
+        }
+        if !offset.is_finite() {
+            return Err(bad(offset_at, offset_name, offset.to_string(), "must be finite"));
+        }
+    }
+    let offset_to_points = u64::from(raw.offset_to_point_data);
+    if offset_to_points < u64::from(need) {
+        let reason = format!("points cannot begin inside a header of {need} bytes");
+        return Err(bad(96, "offset to point data", offset_to_points.to_string(), &reason));
+    }
+    if raw.header_size < need {
+        warnings.push(Warning::HeaderSize { claimed: raw.header_size, major, minor, need });
+    }
+
+    let (min, max) =
+        (DVec3::new(raw.min_x, raw.min_y, raw.min_z), DVec3::new(raw.max_x, raw.max_y, raw.max_z));
+    let legacy = raw.number_of_point_records;
+    let claimed_points = match raw.large_file {
+        // LAS 1.4 R15, 2.4: where the two differ, a reader takes the 32-bit count unless it is 0.
+        Some(large) if legacy != 0 && large.number_of_point_records != u64::from(legacy) => {
+            let large = large.number_of_point_records;
+            warnings.push(Warning::CountsDiffer { legacy, large, used: legacy.into() });
+            u64::from(legacy)
+        }
+        Some(large) => large.number_of_point_records,
+        None => u64::from(legacy),
+    };
+    if claimed_points > 0 && !(min.is_finite() && max.is_finite() && min.cmple(max).all()) {
+        warnings.push(Warning::Bounds);
+    }
+    Ok(Parsed {
+        header: FileHeader {
+            version: (major, minor),
+            format,
+            compressed,
+            copc: false,
+            global_encoding: raw.global_encoding,
+            record_len,
+            offset_to_points,
+            scale: DVec3::new(raw.x_scale_factor, raw.y_scale_factor, raw.z_scale_factor),
+            offset: DVec3::new(raw.x_offset, raw.y_offset, raw.z_offset),
+            min,
+            max,
+            claimed_points,
+        },
+        vlr_start: u64::from(raw.header_size.max(need)),
+        vlr_count: u64::from(raw.number_of_variable_length_records),
+        evlrs: raw.evlr.map(|e| (e.start_of_first_evlr, u64::from(e.number_of_evlrs))),
+    })
+}

@@ -1,0 +1,4 @@
+//! From points to resident sections: binning workers, the pool, transfers, the section table.
+
+pub mod bins;
+pub mod table;
