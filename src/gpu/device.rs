@@ -104,6 +104,8 @@ pub struct Limits {
     pub workgroup_size: u32,
     /// Nanoseconds of one timestamp step; 0 when the compute queue has no timestamps.
     pub timestamp_ns: f64,
+    /// How many low bits of a timestamp count.
+    pub timestamp_bits: u32,
 }
 
 /// The two lines of work. On a device with one queue both are that queue.
@@ -453,6 +455,7 @@ fn limits(
         allocation_bytes: p11.max_memory_allocation_size,
         workgroups: limits.max_compute_work_group_count,
         workgroup_size: limits.max_compute_work_group_invocations,
+        timestamp_bits: family.timestamp_valid_bits,
         timestamp_ns: if family.timestamp_valid_bits == 0 { 0.0 } else { f64::from(limits.timestamp_period) },
     }
 }

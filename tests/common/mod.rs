@@ -32,6 +32,8 @@ pub enum Driver {
     Lavapipe,
     /// The second one.
     SwiftShader,
+    /// A machine without any.
+    None,
 }
 
 /// One environment to run a test in.
@@ -46,6 +48,8 @@ pub struct Setup {
 pub const LAVAPIPE: Setup = Setup { driver: Driver::Lavapipe, two_queues: None };
 /// The second driver as it is.
 pub const SWIFTSHADER: Setup = Setup { driver: Driver::SwiftShader, two_queues: None };
+/// A machine without a driver.
+pub const NO_DRIVER: Setup = Setup { driver: Driver::None, two_queues: None };
 /// Two queue families on the reference driver, in the three orders.
 pub const ORDERS: [Setup; 3] = [with_order("eager"), with_order("late1"), with_order("late0")];
 
@@ -111,6 +115,7 @@ fn environment(setup: Setup) -> Option<Vec<(&'static str, String)>> {
     let mut set = vec![("VK_LAYER_SYNCVAL_SHADER_ACCESSES_HEURISTIC", "1".to_owned())];
     let driver = match setup.driver {
         Driver::Lavapipe => find(&DRIVERS, "lvp_icd"),
+        Driver::None => Some(PathBuf::from("/nowhere.json")),
         Driver::SwiftShader => {
             Some(Path::new(CHROMIUM).join("vk_swiftshader_icd.json")).filter(|p| p.is_file())
         }
