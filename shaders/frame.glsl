@@ -7,7 +7,7 @@ struct Frame {
     uvec2 table;      // place of the section table
     uvec2 hits;       // place of the hit records, 4 words a pixel
     uvec2 colors;     // place of the summed colours, 4 floats a pixel
-    uvec2 ramp;       // place of 256 colours, sRGB bytes r | g << 8 | b << 16
+    uvec2 ramp;       // place of 256 colours, sRGB
     uint table_mask;  // slots of the table - 1
     int top_level;    // log2 cells of the side of the table's coarsest nodes
     ivec2 low, high;  // what they cover, cells; high is exclusive
@@ -25,7 +25,8 @@ struct Frame {
     int height_anchor; // lattice height of local height 0
     uint shade;        // 0: exact, 1: lit
     uint color_source; // 0 rgb, 1 height, 2 class, 3 intensity, 4 returns
-    float range_low, range_scale; // attribute to ramp index: (value - low) * scale, clamped to 0..255
+    uint range_low;    // value of ramp entry 0; heights biased by 2^31
+    float range_scale; // entries a step of the value
     float cell_steps;  // lattice steps in one cell side, exaggeration included: slopes
     vec3 sun;          // towards the sun
     uint background;   // 0 none, 1 white, 2 sky
@@ -49,7 +50,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer Table { Node nodes[]; };
 layout(set = 0, binding = 2, scalar) readonly buffer FrameBlock { Frame frame; };
 layout(set = 0, binding = 3, scalar) buffer Hits { uvec4 hits[]; };
 layout(set = 0, binding = 4, scalar) buffer Colors { vec4 colors[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Ramp { uint ramp[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Ramp { vec4 ramp[]; };
 #define FRAME frame
 #define NODE nodes
 #define HIT hits
@@ -62,7 +63,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Tab
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer FrameBlock { Frame frame; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Hits { uvec4 hits[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Colors { vec4 colors[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Ramp { uint ramp[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ramp { vec4 ramp[]; };
 #define FRAME FrameBlock(push.frame).frame
 #define NODE Table(FRAME.table).nodes
 #define HIT Hits(FRAME.hits).hits

@@ -134,11 +134,13 @@ void main() {
         if (FRAME.color_source == 0u) {
             albedo = bytes((first & 0xFFu) | (second >> 24u) << 8u | (second >> 16u & 0xFFu) << 16u);
         } else {
-            float value = FRAME.color_source == 1u ? top
-                        : FRAME.color_source == 2u ? float(first >> 24u)
-                        : FRAME.color_source == 3u ? float(first >> 8u & 0xFFFFu)
-                                                   : float(second >> 8u & 0xFFu);
-            albedo = bytes(RAMP[uint(clamp((value - FRAME.range_low) * FRAME.range_scale + 0.5, 0.0, 255.0))]);
+            uint value = FRAME.color_source == 1u ? (hit.w + uint(FRAME.height_anchor)) ^ 0x80000000u
+                       : FRAME.color_source == 2u ? first >> 24u
+                       : FRAME.color_source == 3u ? first >> 8u & 0xFFFFu
+                                                  : second >> 8u & 0xFFu;
+            float at_entry = value > FRAME.range_low ? min(float(value - FRAME.range_low) * FRAME.range_scale, 255.0) : 0.0;
+            uint entry = uint(at_entry);
+            albedo = mix(RAMP[entry].rgb, RAMP[min(entry + 1u, 255u)].rgb, at_entry - float(entry));
         }
         albedo = linear_of(albedo);
         color = vec4(albedo, 1.0);

@@ -826,7 +826,8 @@ mod tests {
         let mode = |rgb: fn(i32) -> [u8; 3], class: fn(i32) -> u8| {
             ColorMode::auto(&summary((0..100).map(|k| point(k, class(k), 0, rgb(k)))))
         };
-        let (black, ground): (fn(i32) -> [u8; 3], fn(i32) -> u8) = (|_| [0; 3], |_| 2);
+        let black = |_| [0; 3];
+        let ground = |_| 2;
         assert_eq!(mode(|k| if k < 5 { [9; 3] } else { [0; 3] }, ground), ColorMode::Rgb);
         assert_eq!(mode(|k| if k < 4 { [9; 3] } else { [0; 3] }, ground), ColorMode::Height);
         assert_eq!(mode(|_| [255; 3], ground), ColorMode::Height);

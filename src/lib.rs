@@ -7,6 +7,7 @@ pub mod attribute;
 pub mod coords;
 pub mod gpu;
 pub mod render;
+pub mod sample;
 pub mod section;
 pub mod source;
 pub mod stream;

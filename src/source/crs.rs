@@ -2,6 +2,7 @@
 //! units and kind. Pure functions over the bytes of (E)VLRs. Source: LAS 1.4 R15, 3; OGC 19-008r4.
 
 use super::wkt::{self, Node};
+use super::{LidarFile, SourceError, VlrEntry};
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
@@ -156,6 +157,22 @@ pub enum CrsError {
     },
 }
 
+/// The coordinate system that `file` names, and what was wrong with definitions that had to be passed over.
+pub fn of_file(file: &LidarFile) -> Result<(Option<Crs>, Vec<CrsError>), SourceError> {
+    let mut records = Vec::new();
+    for entry in &file.vlrs {
+        let known = matches!(entry.record_id, 2112 | 34735..=34737);
+        // One byte more than is read, so that a text that is too long is told from one that is not.
+        if known && matches!(entry.user_id.as_str(), "LASF_Projection" | "liblas") {
+            let limit = (wkt::MAX_BYTES + 1) as u64;
+            let part = VlrEntry { len: entry.len.min(limit), ..entry.clone() };
+            records.push((part.user_id.clone(), part.record_id, part.read(&file.bytes, limit)?));
+        }
+    }
+    let borrowed = records.iter().map(|(user, record, payload)| (user.as_str(), *record, payload.as_slice()));
+    Ok(from_records(borrowed, file.header.global_encoding & 16 != 0))
+}
+
 /// The coordinate system among a file's (E)VLRs, given as user id, record id and payload; and what was
 /// wrong with definitions that had to be passed over. `wkt_bit`: bit 4 of the global encoding.
 pub fn from_records<'a>(
@@ -164,7 +181,7 @@ pub fn from_records<'a>(
 ) -> (Option<Crs>, Vec<CrsError>) {
     let (mut texts, mut keys, mut doubles, mut ascii) = (Vec::new(), None, &[][..], &[][..]);
     for (user, record, payload) in records {
-        match (user.trim_end_matches('\0'), record) {
+        match (user, record) {
             // libLAS wrote the same text under its own name as well.
             ("LASF_Projection" | "liblas", 2112) => texts.push(payload),
             ("LASF_Projection", 34735) => keys = keys.or(Some(payload)),

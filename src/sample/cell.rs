@@ -1,0 +1,245 @@
+//! The automatic cell size: as fine as the points allow without holes.
+
+use std::collections::HashMap;
+
+/// A void in which a square of this many cells a side fits is no footprint (a lake, the outside).
+const VOID_CELLS: usize = 13;
+/// Share of the footprint's cells that must be hit.
+const COVERAGE: f64 = 0.97;
+/// Most doublings from the size at which there is one point a cell.
+const DOUBLINGS: u32 = 3;
+
+/// The choice, with what it rests on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellChoice {
+    /// Side of a cell, CRS units; a power of two.
+    pub cell: f64,
+    /// Points of different E, N in a square unit of the footprint.
+    pub density: f64,
+    /// Share of the footprint's cells that hold a point.
+    pub coverage: f64,
+}
+
+/// Points of one place, complete for one pass over it.
+#[derive(Clone, Debug, Default)]
+pub struct Patch {
+    /// E, N; no two alike.
+    pub points: Vec<[f64; 2]>,
+    /// How many such passes (overlapping flight lines, other parts of the file) cover the ground on
+    /// average; 1 where the patch holds everything that lies there.
+    pub passes: f64,
+}
+
+/// Chooses from what `patches` show; `finest` (the step of the coordinates) is a lower bound. Without an
+/// extent to go by (no point, one point) the cell is 1 unit and the density 0.
+pub fn choose(patches: &[Patch], finest: f64) -> CellChoice {
+    let none = CellChoice { cell: 1.0, density: 0.0, coverage: 1.0 };
+    // One point a cell if the bounds were filled evenly: a place to start from.
+    let spacing = patches.iter().filter_map(|patch| {
+        let bounds = |axis: usize| {
+            patch.points.iter().fold((f64::MAX, f64::MIN), |(lo, hi), p| (lo.min(p[axis]), hi.max(p[axis])))
+        };
+        let ((w, e), (s, n)) = (bounds(0), bounds(1));
+        let (width, height, count) = (e - w, n - s, patch.points.len() as f64);
+        let spacing = (width * height / count).sqrt().max(width.max(height) / count);
+        (spacing > 0.0 && spacing.is_finite()).then_some(spacing)
+    });
+    let Some(spacing) = spacing.reduce(f64::max) else { return none };
+    let mut cell = power_of_two_above(spacing);
+    let mut here = Tally::of(patches, cell);
+    while here.points_per_cell() < 1.0 && cell < 1e18 {
+        cell *= 2.0;
+        here = Tally::of(patches, cell);
+    }
+    // Rounded up to a power of two: below one point a cell 97 % cannot be hit anyway.
+    while cell / 2.0 >= finest {
+        let finer = Tally::of(patches, cell / 2.0);
+        if finer.points_per_cell() < 1.0 {
+            break;
+        }
+        (cell, here) = (cell / 2.0, finer);
+    }
+    let density = here.points_per_cell() / (cell * cell);
+    for _ in 0..DOUBLINGS {
+        if here.coverage() >= COVERAGE {
+            break;
+        }
+        cell *= 2.0;
+        here = Tally::of(patches, cell);
+    }
+    CellChoice { cell, density, coverage: here.coverage() }
+}
+
+/// Area of the footprint of one pass, square CRS units, with cells of `cell`.
+pub fn footprint_area(points: &[[f64; 2]], cell: f64) -> f64 {
+    Coverage::of(points, cell).footprint as f64 * cell * cell
+}
+
+fn power_of_two_above(size: f64) -> f64 {
+    size.log2().ceil().clamp(-60.0, 60.0).exp2()
+}
+
+/// Sums over patches.
+#[derive(Default)]
+struct Tally {
+    points: f64,
+    hit: f64,
+    footprint: f64,
+}
+
+impl Tally {
+    fn of(patches: &[Patch], cell: f64) -> Tally {
+        let mut tally = Tally::default();
+        for patch in patches {
+            let coverage = Coverage::of(&patch.points, cell);
+            let (hit, footprint) = (coverage.hit as f64, coverage.footprint as f64);
+            tally.points += patch.points.len() as f64 * patch.passes;
+            tally.footprint += footprint;
+            tally.hit += footprint * (1.0 - holes_after(1.0 - hit / footprint.max(1.0), patch.passes));
+        }
+        tally
+    }
+
+    fn points_per_cell(&self) -> f64 {
+        self.points / self.footprint.max(1.0)
+    }
+
+    fn coverage(&self) -> f64 {
+        self.hit / self.footprint.max(1.0)
+    }
+}
+
+/// Share of cells left empty by `passes` independent passes that leave `holes` each; between whole
+/// numbers a part of the ground has one pass more than the rest.
+fn holes_after(holes: f64, passes: f64) -> f64 {
+    let (whole, part) = (passes.floor(), passes.fract());
+    holes.powf(whole) * (1.0 - part + part * holes)
+}
+
+/// Cells hit, and cells that are footprint, hit or not.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Coverage {
+    hit: u64,
+    footprint: u64,
+}
+
+/// Side of a tile of the sparse cell map, in cells: one row is one `u64`.
+const TILE: usize = 64;
+/// Cells beyond a tile's border that decide what is a void inside it.
+const HALO: usize = VOID_CELLS - 1;
+
+impl Coverage {
+    /// O(points); memory grows with the tiles that hold points, not with the extent.
+    fn of(points: &[[f64; 2]], cell: f64) -> Coverage {
+        let mut index: HashMap<[i64; 2], usize> = HashMap::new();
+        let mut tiles: Vec<[u64; TILE]> = Vec::new();
+        let mut last = ([i64::MIN; 2], 0);
+        for point in points {
+            let [i, j] = point.map(|value| (value / cell).floor() as i64);
+            let key = [i.div_euclid(TILE as i64), j.div_euclid(TILE as i64)];
+            // Neighbours in the file are neighbours on the ground.
+            if key != last.0 {
+                let at = *index.entry(key).or_insert_with(|| {
+                    tiles.push([0; TILE]);
+                    tiles.len() - 1
+                });
+                last = (key, at);
+            }
+            let (column, row) = (i.rem_euclid(TILE as i64), j.rem_euclid(TILE as i64));
+            tiles[last.1][row as usize] |= 1 << column;
+        }
+        let mut coverage = Coverage::default();
+        // A tile without points is a void as a whole: it is wider than one.
+        for (&[i, j], &at) in &index {
+            let neighbour = |di: i64, dj: i64| index.get(&[i + di, j + dj]).map(|&at| &tiles[at]);
+            let around = [-1, 0, 1].map(|dj| [-1, 0, 1].map(|di| neighbour(di, dj)));
+            coverage.hit += tiles[at].iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
+            coverage.footprint += footprint_of_tile(&around);
+        }
+        coverage
+    }
+}
+
+/// Cells of the middle tile that no empty square of [`VOID_CELLS`] covers. `around[row][column]`, south
+/// and west first.
+fn footprint_of_tile(around: &[[Option<&[u64; TILE]>; 3]; 3]) -> u64 {
+    const ROWS: usize = TILE + 2 * HALO;
+    // Bit k of a row is the cell k - HALO of the middle tile.
+    let row = |r: usize| {
+        let (tile, row) = match r {
+            _ if r < HALO => (0, TILE - HALO + r),
+            _ if r < HALO + TILE => (1, r - HALO),
+            _ => (2, r - HALO - TILE),
+        };
+        let word = |column: usize| u128::from(around[tile][column].map_or(0, |tile| tile[row]));
+        (word(0) >> (TILE - HALO)) | (word(1) << HALO) | ((word(2) << (HALO + TILE)) & ((1 << ROWS) - 1))
+    };
+    // Bit k: cells k..k + 13 of the row are empty.
+    let runs: [u128; ROWS] = std::array::from_fn(|r| {
+        let (lo, hi) = hit.iter().flatten().fold((i64::MAX, i64::MIN), |(l, h), &v| (l.min(v), h.max(v)));
+        let mut void = std::collections::HashSet::new();
+        for (i, j) in (lo - side..=hi).flat_map(|i| (lo - side..=hi).map(move |j| (i, j))) {
+            let square = || (i..i + side).flat_map(|i| (j..j + side).map(move |j| [i, j]));
+            if square().all(|cell| !hit.contains(&cell)) {
+                void.extend(square());
+            }
+        }
+        let all = (lo..=hi).flat_map(|i| (lo..=hi).map(move |j| [i, j]));
+        let footprint = all.filter(|cell| !void.contains(cell)).count() as u64;
+        Coverage { hit: hit.len() as u64, footprint }
+    }
+
+    #[test]
+    fn coverage_is_what_brute_force_says() {
+        for seed in 0..2 {
+            let mut points = random(400, 90.0, seed);
+            // A lake, and negative indices across tile borders.
+            points.retain(|p| (p[0] - 40.0).hypot(p[1] - 50.0) > 14.0);
+            points.iter_mut().for_each(|p| *p = [p[0] - 45.0, p[1] - 30.0]);
+            for cell in [0.7, 1.0, 3.0] {
+                assert_eq!(Coverage::of(&points, cell), brute(&points, cell), "{seed} {cell}");
+            }
+        }
+    }
+
+    #[test]
+    fn one_point_a_cell_suffices_on_a_grid() {
+        let points = (0..200).flat_map(|i| (0..200).map(move |j| [f64::from(i), f64::from(j)])).collect();
+        let choice = choose(&whole(points), 0.01);
+        assert_eq!((choice.cell, choice.coverage), (1.0, 1.0));
+        assert!((choice.density - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn random_points_need_four_a_cell() {
+        // 1 - e^-λ is 86 % at 2 points a cell, 98 % at 4.
+        let choice = choose(&whole(random(80_000, 200.0, 1)), 0.001);
+        assert_eq!(choice.cell, 2.0);
+        assert!((choice.density - 2.0).abs() < 0.1, "{choice:?}");
+        // A point 185 km away, or a lake, changes nothing.
+        let mut points = random(80_000, 200.0, 1);
+        points.retain(|p| (p[0] - 90.0).hypot(p[1] - 90.0) > 50.0);
+        points.push([185_000.0, -185_000.0]);
+        assert_eq!(choose(&whole(points), 0.001).cell, 2.0);
+    }
+
+    #[test]
+    fn passes_make_up_for_what_a_patch_lacks() {
+        // One of four passes over the same ground; its own points would ask for cells of 2.
+        let patch = Patch { points: random(80_000, 200.0, 1), passes: 4.0 };
+        let all = choose(&whole(random(320_000, 200.0, 2)), 0.001);
+        let choice = choose(&[patch], 0.001);
+        assert_eq!((choice.cell, all.cell), (1.0, 1.0));
+        assert!((choice.density / all.density - 1.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn nothing_to_go_by() {
+        for points in [vec![], vec![[5e5, 6e6]], vec![[5e5, 6e6]; 3]] {
+            assert_eq!(choose(&whole(points), 0.01).cell, 1.0);
+        }
+        // Points on a line have a spacing all the same.
+        let line = (0..1000).map(|i| [f64::from(i) * 0.25, 7.0]).collect();
+        assert_eq!(choose(&whole(line), 0.01).cell, 0.25);
+    }
+}
