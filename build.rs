@@ -1,7 +1,7 @@
 //! Compiles `shaders/*.comp` (and those of the tests) into SPIR-V words that the crate includes.
 //!
-//! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader that
-//! includes `pool.glsl` is compiled twice: as `NAME`, and with `POOL_SSBO` defined as `NAME_SSBO`.
+//! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
+//! an `#ifdef POOL_SSBO`, itself or in an include, is compiled twice: as `NAME`, and as `NAME_SSBO` with it.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
     for source in &sources {
         let stem = source.file_stem().and_then(|s| s.to_str()).ok_or("a shader's name is not UTF-8")?;
         let mut variants = vec![(stem.to_uppercase(), None)];
-        if includes_pool(source, 0)? {
+        if has_ssbo_variant(source, 0)? {
             variants.push((format!("{}_SSBO", stem.to_uppercase()), Some("POOL_SSBO")));
         }
         for (name, define) in variants {
@@ -51,18 +51,20 @@ fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// Whether `source` includes `pool.glsl`, itself or through another include.
-fn includes_pool(source: &Path, depth: u32) -> Result<bool, String> {
+/// Whether `source` has a second variant: whether it, or what it includes, asks for `POOL_SSBO`.
+fn has_ssbo_variant(source: &Path, depth: u32) -> Result<bool, String> {
     let text = fs::read_to_string(source).map_err(|e| format!("{}: {e}", source.display()))?;
-    for line in text.lines() {
-        let Some(name) = line.trim_start().strip_prefix("#include").and_then(|l| l.split('"').nth(1)) else {
-            continue;
-        };
-        let file = [source.parent().unwrap_or(Path::new("")), Path::new("shaders")]
-            .map(|folder| folder.join(name))
-            .into_iter()
-            .find(|p| p.is_file());
-        if name == "pool.glsl" || (depth < 16 && file.map_or(Ok(false), |f| includes_pool(&f, depth + 1))?) {
+    for line in text.lines().map(str::trim_start).filter(|line| line.starts_with('#')) {
+        if line.contains("POOL_SSBO") {
+            return Ok(true);
+        }
+        let Some(name) = line.strip_prefix("#include").and_then(|l| l.split('"').nth(1)) else { continue };
+        let beside = source.parent().unwrap_or(Path::new("")).join(name);
+        let file = [beside, Path::new("shaders").join(name)].into_iter().find(|p| p.is_file());
+        if let Some(file) = file
+            && depth < 16
+            && has_ssbo_variant(&file, depth + 1)?
+        {
             return Ok(true);
         }
     }

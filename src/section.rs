@@ -319,7 +319,19 @@ impl Layout {
         let bridges = tops + SECTION_COLUMNS as u32;
         let pyramid = bridges + (SECTION_COLUMNS / 4) as u32;
         let words = pyramid + PYRAMID_ELEMENTS.div_ceil(per_word);
-        Layout { code, runs, blocks, counts, heights, attributes, uploaded_words, tops, bridges, pyramid, words }
+        Layout {
+            code,
+            runs,
+            blocks,
+            counts,
+            heights,
+            attributes,
+            uploaded_words,
+            tops,
+            bridges,
+            pyramid,
+            words,
+        }
     }
 
     fn write_header(&self, words: &mut [u32]) {
@@ -368,7 +380,14 @@ mod tests {
     use crate::attribute::Attributes;
 
     fn record(h: i32, class: u8, flags: u8) -> Record {
-        Record::pack(Attributes { height: Height(h), class, intensity: 7, rgb: [1, 2, 3], returns: 0x11, flags })
+        Record::pack(Attributes {
+            height: Height(h),
+            class,
+            intensity: 7,
+            rgb: [1, 2, 3],
+            returns: 0x11,
+            flags,
+        })
     }
 
     #[test]
@@ -376,7 +395,11 @@ mod tests {
         let mut points = Vec::new();
         for k in 0..4000u32 {
             let h = (k.wrapping_mul(2_654_435_761) >> 20) as i32 - 2000;
-            points.push((k * 7 % 256, k * 13 % 256 / 8, record(h, (k % 5) as u8, if k % 11 == 0 { 4 } else { 0 })));
+            points.push((
+                k * 7 % 256,
+                k * 13 % 256 / 8,
+                record(h, (k % 5) as u8, if k % 11 == 0 { 4 } else { 0 }),
+            ));
         }
         let (mut forward, mut backward) = (Columns::default(), Columns::default());
         points.iter().for_each(|&(x, y, r)| forward.add(x, y, r));
@@ -404,7 +427,9 @@ mod tests {
 
     #[test]
     fn codes_round_up_by_less_than_a_step() {
-        for (lowest, highest) in [(5, 5), (-70_000, 100_000), (-7, 1_000_000), (i32::MIN + 1, i32::MAX), (0, 2_000_000)] {
+        for (lowest, highest) in
+            [(5, 5), (-70_000, 100_000), (-7, 1_000_000), (i32::MIN + 1, i32::MAX), (0, 2_000_000)]
+        {
             let code = HeightCode::fit(lowest, highest);
             for h in [lowest, highest, (lowest as i64 + highest as i64).div_euclid(2) as i32] {
                 let word = code.encode(Height(h));

@@ -200,7 +200,8 @@ impl Commands {
         Ok(self.handle())
     }
 
-    pub(super) fn queue(&self) -> QueueKind {
+    /// The queue that it is for.
+    pub fn queue(&self) -> QueueKind {
         self.queue
     }
 

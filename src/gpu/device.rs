@@ -104,6 +104,8 @@ pub struct Limits {
     pub workgroup_size: u32,
     /// Nanoseconds of one timestamp step; 0 when the compute queue has no timestamps.
     pub timestamp_ns: f64,
+    /// How many low bits of a timestamp count.
+    pub timestamp_bits: u32,
 }
 
 /// The two lines of work. On a device with one queue both are that queue.
@@ -453,6 +455,7 @@ fn limits(
         allocation_bytes: p11.max_memory_allocation_size,
         workgroups: limits.max_compute_work_group_count,
         workgroup_size: limits.max_compute_work_group_invocations,
+        timestamp_bits: family.timestamp_valid_bits,
         timestamp_ns: if family.timestamp_valid_bits == 0 { 0.0 } else { f64::from(limits.timestamp_period) },
     }
 }
@@ -561,12 +564,10 @@ impl Instance {
         }
         let validation_extensions =
             if options.validate { offered(Some(VALIDATION_LAYER)) } else { Vec::new() };
-        let validation_has = |name: &CStr| validation_extensions.iter().any(|e| e.as_c_str() == name);
-        let with_settings = validation_has(ext::layer_settings::NAME);
-        let with_features = !with_settings && validation_has(ext::validation_features::NAME);
-        if with_settings {
-            enabled.push(ext::layer_settings::NAME);
-        } else if with_features {
+        // The layer's newer way to say this, VK_EXT_layer_settings, is unknown to loaders before 1.3.272.
+        let with_features =
+            validation_extensions.iter().any(|e| e.as_c_str() == ext::validation_features::NAME);
+        if with_features {
             enabled.push(ext::validation_features::NAME);
         }
 
@@ -574,19 +575,6 @@ impl Instance {
         let extension_names: Vec<_> = enabled.iter().map(|e| e.as_ptr()).collect();
         let application =
             vk::ApplicationInfo::default().application_name(c"lasray").api_version(vk::API_VERSION_1_3);
-        // Synchronization validation sees storage buffers only with the heuristic.
-        let yes = vk::TRUE.to_ne_bytes();
-        let setting = |name| {
-            let mut setting = vk::LayerSettingEXT::default()
-                .layer_name(VALIDATION_LAYER)
-                .setting_name(name)
-                .ty(vk::LayerSettingTypeEXT::BOOL32)
-                .values(&yes);
-            setting.value_count = 1; // ash counts bytes, the layer counts values
-            setting
-        };
-        let settings = [setting(c"validate_sync"), setting(c"syncval_shader_accesses_heuristic")];
-        let mut settings = vk::LayerSettingsCreateInfoEXT::default().settings(&settings);
         let wanted = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&wanted);
         let messages = Box::<Messages>::default();
@@ -605,9 +593,7 @@ impl Instance {
             .application_info(&application)
             .enabled_layer_names(&layer_names)
             .enabled_extension_names(&extension_names);
-        if with_settings {
-            create = create.push_next(&mut settings);
-        } else if with_features {
+        if with_features {
             create = create.push_next(&mut features);
         }
         if options.validate && has_debug_utils {
@@ -667,8 +653,9 @@ unsafe extern "system" fn on_message(
     // SAFETY: the layer passes its own data, and the `Messages` that the messenger was made with,
     // which outlives the instance.
     let (messages, text) = unsafe {
-        let message = (*data).message_as_c_str().unwrap_or(c"(a message without text)");
-        (&*user.cast_const().cast::<Messages>(), message.to_string_lossy().into_owned())
+        let text = |s: Option<&CStr>| s.unwrap_or_default().to_string_lossy().into_owned();
+        let (id, message) = ((*data).message_id_name_as_c_str(), (*data).message_as_c_str());
+        (&*user.cast_const().cast::<Messages>(), format!("{}: {}", text(id), text(message)))
     };
     tracing::error!("validation: {text}");
     lock(&messages.list).push(text);

@@ -114,7 +114,7 @@ mod tests {
     proptest! {
         /// Whatever is pushed, sealed and released: no piece overlaps one that is still in use.
         #[test]
-        fn pieces_in_use_never_overlap(steps in prop::collection::vec((0u64..400, 0u8..4), 1..200)) {
+        fn pieces_in_use_never_overlap(steps in prop::collection::vec((1u64..400, 0u8..4), 1..200)) {
             let mut space = Space::<u32>::new(1024);
             let (mut live, mut next): (Vec<(u64, u64, Option<u32>)>, u32) = (Vec::new(), 0);
             for (len, what) in steps {
@@ -136,7 +136,7 @@ mod tests {
                         if let Some(at) = space.reserve(len) {
                             prop_assert!(at % ALIGN == 0 && at + len <= 1024);
                             for (from, to, _) in &live {
-                                prop_assert!(at + len <= *from || at >= *to || len == 0);
+                                prop_assert!(at + len <= *from || at >= *to);
                             }
                             live.push((at, at + len, None));
                         } else {

@@ -72,8 +72,11 @@ impl Timestamps {
         // SAFETY: the pool is alive and has at least that many queries, all written by now.
         unsafe { device.get_query_pool_results(self.pool.handle, 0, &mut ticks, flags) }
             .map_err(|e| GpuError::vulkan("vkGetQueryPoolResults", e))?;
-        let ns = self.pool.gpu.limits().timestamp_ns;
-        let times = ticks.windows(2).map(|pair| pair[1].wrapping_sub(pair[0]) as f64 * ns);
+        let limits = self.pool.gpu.limits();
+        let counted = u64::MAX >> 64u32.saturating_sub(limits.timestamp_bits).min(63);
+        let times = ticks
+            .windows(2)
+            .map(|pair| (pair[1].wrapping_sub(pair[0]) & counted) as f64 * limits.timestamp_ns);
         Ok(stages.into_iter().zip(times).collect())
     }
 }

@@ -212,7 +212,11 @@ impl Binner {
         let side = SECTION_SIDE - 1;
         let mut grown = [0i64; 2];
         let mut add = |section: usize, columns: &mut Columns, stray: bool| {
-            let before = if columns.points() == 0 { [0; 2] } else { [columns.bytes() as i64, columns.device_bytes() as i64] };
+            let before = if columns.points() == 0 {
+                [0; 2]
+            } else {
+                [columns.bytes() as i64, columns.device_bytes() as i64]
+            };
             for &i in &self.order[self.starts[section] as usize..self.starts[section + 1] as usize] {
                 let point = self.placed[i as usize];
                 columns.add(point.column & side, point.column >> 8, point.record);
@@ -268,7 +272,8 @@ impl Binner {
         let mut last = (SectionKey { level: u8::MAX, i: 0, j: 0 }, 0);
         for i in 0..block.len() {
             let at = meaning.world(block, i);
-            let (Some(CellIndex { i: ci, j: cj }), Some(height)) = (grid.cell_of(at.x, at.y), Height::from_units(at.z))
+            let (Some(CellIndex { i: ci, j: cj }), Some(height)) =
+                (grid.cell_of(at.x, at.y), Height::from_units(at.z))
             else {
                 outside += 1;
                 continue;
@@ -331,7 +336,11 @@ mod tests {
 
     impl Meaning for Plain {
         fn world(&self, block: &PointBlock, i: usize) -> DVec3 {
-            DVec3::new(f64::from(block.x[i]) * 0.01, f64::from(block.y[i]) * 0.01, f64::from(block.z[i]) * 0.01)
+            DVec3::new(
+                f64::from(block.x[i]) * 0.01,
+                f64::from(block.y[i]) * 0.01,
+                f64::from(block.z[i]) * 0.01,
+            )
         }
         fn rgb(&self, _: &PointBlock, _: usize) -> [u8; 3] {
             [9; 3]
@@ -391,7 +400,10 @@ mod tests {
         let (one, two) = (one.finish().unwrap(), two.finish().unwrap());
         assert!(one.sections.len() >= 16);
         assert_eq!(words(&one), words(&two));
-        assert_eq!(one.sections.iter().map(|(_, c)| c.points()).sum::<u64>(), blocks.iter().map(|b| b.len() as u64).sum());
+        assert_eq!(
+            one.sections.iter().map(|(_, c)| c.points()).sum::<u64>(),
+            blocks.iter().map(|b| b.len() as u64).sum()
+        );
     }
 
     #[test]

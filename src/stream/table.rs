@@ -182,7 +182,8 @@ mod tests {
 
     #[test]
     fn every_section_and_ancestor_is_found() {
-        let entries: Vec<_> = (0..40).flat_map(|i| (0..30).map(move |j| entry(i - 7, j - 9, i * 100 + j))).collect();
+        let entries: Vec<_> =
+            (0..40).flat_map(|i| (0..30).map(move |j| entry(i - 7, j - 9, i * 100 + j))).collect();
         let table = Table::build(&entries, Height(50));
         for e in &entries {
             let node = find(&table, 8, [e.key.i, e.key.j]).unwrap();
