@@ -11,7 +11,7 @@ mod contain;
 mod copc;
 mod decode;
 mod error;
-mod gps_time;
+mod fields;
 mod header;
 mod laszip;
 mod layers;
