@@ -75,8 +75,11 @@ fn theirs(path: &Path) -> Sums {
         sums.rgb = [sums.rgb[0] + u64::from(r), sums.rgb[1] + u64::from(g), sums.rgb[2] + u64::from(b)];
     }
     for record in points.raw_bytes().chunks_exact(points.record_len()) {
-        let (class, flags) =
-            if points.format().is_extended { (record[16], record[15] & 15) } else { (record[15] & 31, record[15] >> 5) };
+        let (class, flags) = if points.format().is_extended {
+            (record[16], record[15] & 15)
+        } else {
+            (record[15] & 31, record[15] >> 5)
+        };
         sums.class += u64::from(class);
         for (bit, sum) in sums.flags.iter_mut().enumerate() {
             *sum += u64::from(flags >> bit & 1);
@@ -133,4 +136,24 @@ fn good_files_equal_the_las_crate() {
         compared += 1;
     }
     assert!(compared > 40, "{compared}");
+}
+
+#[test]
+fn print_odd() {
+    let Some(dir) = data_dir() else { return };
+    for path in lidar_files(&dir) {
+        let name = path.strip_prefix(&dir).unwrap();
+        if !(name.starts_with("hostile") || name.starts_with("odd")) {
+            continue;
+        }
+        match LidarFile::open(&path) {
+            Err(e) => println!("{}: ERR {e}", name.display()),
+            Ok(file) => {
+                let (sums, errors) = ours(&file);
+                println!("{}: {} points x {} z {}", name.display(), sums.points, sums.x, sums.z);
+                file.warnings.iter().for_each(|w| println!("     WARN {w}"));
+                errors.iter().for_each(|w| println!("     ERROR {w}"));
+            }
+        }
+    }
 }

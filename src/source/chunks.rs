@@ -70,18 +70,13 @@ pub(super) fn index_laz(
         let len = bytes.len().saturating_sub(header.offset_to_points);
         push_stream(&mut index, header, header.offset_to_points, len);
     } else {
-        let (start, record_len) = (header.offset_to_points + 8, u64::from(header.record_len));
+        let record_len = u64::from(header.record_len);
         let table = read_table(bytes, header.offset_to_points, record_len, laszip.chunk_size.is_none())?;
         match laszip.chunk_size {
             None => {
                 for entry in &table.entries {
-                    let (at, records) = (index.end(start), entry.records.unwrap_or(0));
-                    if records > entry.bytes.saturating_mul(RECORDS_PER_BYTE) {
-                        break;
-                    }
-                    if records > 0 {
-                        index.push(at, entry.bytes, records);
-                    }
+                    let most = entry.bytes.saturating_mul(RECORDS_PER_BYTE);
+                    index.push(entry.offset, entry.bytes, entry.records.unwrap_or(0).min(most));
                 }
             }
             Some(size) => push_fixed(bytes, header, size, &table, &mut index)?,
@@ -110,12 +105,8 @@ fn push_fixed(
     table: &Table,
     index: &mut Index,
 ) -> Result<(), SourceError> {
-    let start = header.offset_to_points + 8;
     for (i, entry) in table.entries.iter().enumerate() {
-        if entry.bytes == 0 {
-            continue;
-        }
-        let (at, before) = (index.end(start), index.records());
+        let before = index.records();
         let most = size.min(entry.bytes.saturating_mul(RECORDS_PER_BYTE));
         let last = i + 1 == table.entries.len() && table.broken.is_none();
         let rest = header.claimed_points.saturating_sub(before);
@@ -123,7 +114,7 @@ fn push_fixed(
             _ if !last => most,
             1.. if rest <= most => rest,
             // The header's count cannot be that of these chunks: the last one's own word decides.
-            _ => match ChunkLayers::read(&bytes.handle()?, header, at, entry.bytes)? {
+            _ => match ChunkLayers::read(&bytes.handle()?, header, entry.offset, entry.bytes)? {
                 Ok(layers) if header.format >= 6 => layers.records.min(most),
                 _ => {
                     index.open_end = true;
@@ -131,7 +122,7 @@ fn push_fixed(
                 }
             },
         };
-        index.push(at, entry.bytes, records);
+        index.push(entry.offset, entry.bytes, records);
     }
     Ok(())
 }

@@ -3,7 +3,7 @@
 use super::{
     BLOCK_RECORDS, Chunk, FileHeader, LidarFile, OpenFile, PointBlock, SourceError,
     contain::contain,
-    gps_time::GpsTime,
+    fields::{GpsTime, RgbV1},
     laszip::{Compressor, Laszip},
     layers::ChunkLayers,
     stream::{ByteStream, Splice, source_error},
@@ -269,7 +269,7 @@ impl<'f, 'i> Sequential<'f, 'i> {
                 (Point10, _) => to.add_field_decompressor(v2::LasPoint0Decompressor::default()),
                 (LazItemType::GpsTime, 1) => to.add_field_decompressor(v1::LasGpsTimeDecompressor::default()),
                 (LazItemType::GpsTime, _) => to.add_field_decompressor(GpsTime::default()),
-                (RGB12, 1) => to.add_field_decompressor(v1::LasRGBDecompressor::default()),
+                (RGB12, 1) => to.add_field_decompressor(RgbV1::default()),
                 (RGB12, _) => to.add_field_decompressor(v2::LasRGBDecompressor::default()),
                 (WavePacket13, _) => to.add_field_decompressor(v1::LasWavepacketDecompressor::default()),
                 (Byte(n), 1) => to.add_field_decompressor(v1::LasExtraByteDecompressor::new(n.into())),

@@ -12,7 +12,7 @@ mod contain;
 mod copc;
 mod decode;
 mod error;
-mod gps_time;
+mod fields;
 mod header;
 pub mod inputs;
 pub mod placement;
