@@ -1,28 +1,54 @@
 //! Chunks to columns.
 
-use super::{BLOCK_RECORDS, Chunk, FileHeader, LidarFile, PointBlock, SourceError};
-use std::ops::Range;
+use super::{
+    BLOCK_RECORDS, Chunk, FileHeader, LidarFile, OpenFile, PointBlock, SourceError,
+    contain::contain,
+    laszip::{Compressor, Laszip},
+    layers::ChunkLayers,
+    stream::{ByteStream, Splice, source_error},
+};
+use laz::{
+    LazItem, LazItemType,
+    las::{v1, v2, v3, v4},
+    record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor},
+};
+use std::{
+    io::{self, Cursor},
+    ops::Range,
+};
 
 /// Bytes of raw records that are read and taken apart at a time: stays in the second-level cache.
 const RAW_BYTES: usize = 512 << 10;
 
 /// Turns chunks into blocks of columns; one a worker thread, its buffers are reused.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Decoder {
     raw: Vec<u8>,
+    input: Vec<u8>,
     block: PointBlock,
+    layer_limit: u64,
+}
+
+impl Default for Decoder {
+    fn default() -> Decoder {
+        Decoder::new(512 << 20)
+    }
 }
 
 impl Decoder {
-    /// A decoder with empty buffers.
-    pub fn new() -> Decoder {
-        Decoder::default()
+    /// A decoder that refuses layered chunks with more than `layer_limit` bytes of layers: those are
+    /// decoded in memory, everything else as a stream.
+    pub fn new(layer_limit: u64) -> Decoder {
+        Decoder { raw: Vec::new(), input: Vec::new(), block: PointBlock::default(), layer_limit }
     }
 
     /// Hands the points `records` (counted from the chunk's first, clamped to what it holds) of `chunk` to
     /// `sink`, in order, in blocks of at most [`BLOCK_RECORDS`]. `chunk` is one of `file.chunks`.
+    /// LAS starts reading at the first of them; LAZ decodes all before it too.
     ///
-    /// On damage, the blocks before it have been handed out; the error says how many points that were.
+    /// On damage, the points before it have been handed out; the error says how many. LAZ has no
+    /// checksums: what comes before the place where the damage shows may be wrong as well, so the block in
+    /// which it shows is dropped, except where the file merely ends.
     pub fn decode(
         &mut self,
         file: &LidarFile,
@@ -30,29 +56,293 @@ impl Decoder {
         records: Range<u64>,
         sink: &mut dyn FnMut(&PointBlock),
     ) -> Result<(), SourceError> {
-        let records = records.start.min(chunk.records)..records.end.min(chunk.records);
-        self.decode_las(file, chunk, records, sink)
+        let end = records.end.min(chunk.records);
+        let wanted = records.start.min(end)..end;
+        match &file.laszip {
+            _ if wanted.is_empty() => Ok(()),
+            None => self.decode_las(file, chunk, wanted, sink),
+            Some(laszip) if laszip.compressor == Compressor::Layered => {
+                self.decode_layered(file, laszip, chunk, wanted, sink)
+            }
+            Some(laszip) => self.decode_sequential(file, laszip, chunk, wanted, sink),
+        }
+    }
+
+    /// The first points of at most `most` chunks (at most [`BLOCK_RECORDS`]) at an even stride, in file
+    /// order: LAZ stores them raw, so nothing is decompressed. The block's `first_record` means nothing.
+    pub fn first_points(&mut self, file: &LidarFile, most: usize) -> Result<&PointBlock, SourceError> {
+        let most = most.clamp(1, BLOCK_RECORDS);
+        let layout = RecordLayout::of(&file.header);
+        let stride = file.chunks.len().div_ceil(most).max(1);
+        let handle = file.bytes.handle()?;
+        // Records may be 64 KiB long: only their heads are kept.
+        let head = layout.head();
+        self.raw.clear();
+        for chunk in file.chunks.iter().step_by(stride) {
+            let at = self.raw.len();
+            self.raw.resize(at + head.len, 0);
+            handle.read_exact_at(&mut self.raw[at..], chunk.byte_offset)?;
+        }
+        self.block.first_record = 0;
+        head.extract(&self.raw, &mut self.block);
+        Ok(&self.block)
     }
 
     fn decode_las(
         &mut self,
         file: &LidarFile,
         chunk: &Chunk,
-        records: Range<u64>,
+        wanted: Range<u64>,
         sink: &mut dyn FnMut(&PointBlock),
     ) -> Result<(), SourceError> {
         let handle = file.bytes.handle()?;
         let layout = RecordLayout::of(&file.header);
         let run = layout.records_in(RAW_BYTES);
-        let mut next = records.start;
-        while next < records.end {
-            let n = run.min(records.end - next);
+        let mut next = wanted.start;
+        while next < wanted.end {
+            let n = run.min(wanted.end - next);
             self.raw.resize(n as usize * layout.len, 0);
             handle.read_exact_at(&mut self.raw, chunk.byte_offset + next * layout.len as u64)?;
-            self.block.first_record = chunk.first_record + next;
-            layout.extract(&self.raw, &mut self.block);
-            sink(&self.block);
+            self.emit(layout, chunk, next, sink);
             next += n;
+        }
+        Ok(())
+    }
+
+    fn decode_sequential(
+        &mut self,
+        file: &LidarFile,
+        laszip: &Laszip,
+        chunk: &Chunk,
+        wanted: Range<u64>,
+        sink: &mut dyn FnMut(&PointBlock),
+    ) -> Result<(), SourceError> {
+        let bytes = chunk.byte_offset..chunk.byte_offset + chunk.byte_len;
+        let stream = ByteStream::new(file.bytes.handle()?, std::mem::take(&mut self.input), bytes);
+        let every = match laszip.compressor {
+            Compressor::PointWise => None,
+            _ => laszip.chunk_size,
+        };
+        let mut records = contain(|| Sequential::new(stream, &laszip.items, every))
+            .map_err(|reason| damage(file, chunk, &wanted, 0, reason))?;
+        let result =
+            self.decode_records(file, RecordLayout::of(&file.header), chunk, wanted, &mut records, sink);
+        self.input = records.inner.into_inner().into_buf();
+        result
+    }
+
+    fn decode_layered(
+        &mut self,
+        file: &LidarFile,
+        laszip: &Laszip,
+        chunk: &Chunk,
+        wanted: Range<u64>,
+        sink: &mut dyn FnMut(&PointBlock),
+    ) -> Result<(), SourceError> {
+        let bad = |reason| damage(file, chunk, &wanted, 0, reason);
+        let handle = file.bytes.handle()?;
+        let layers =
+            ChunkLayers::read(&handle, &file.header, chunk.byte_offset, chunk.byte_len)?.map_err(bad)?;
+        let layout = RecordLayout::of_layers(&file.header);
+        let needed = layers.needed_bytes(layout.rgb.is_some());
+        if needed > self.layer_limit {
+            return Err(bad(format!(
+                "its layers need {needed} bytes of memory, {} are allowed",
+                self.layer_limit
+            )));
+        }
+        let mut records = contain(|| Layered::new(handle, &laszip.items, layout, &layers)).map_err(bad)?;
+        let held = wanted.start.min(layers.records)..wanted.end.min(layers.records);
+        self.decode_records(file, layout, chunk, held.clone(), &mut records, sink)?;
+        if held.end < wanted.end {
+            let reason = format!("it says that it has {} points", layers.records);
+            return Err(damage(file, chunk, &wanted, held.end - held.start, reason));
+        }
+        Ok(())
+    }
+
+    fn decode_records(
+        &mut self,
+        file: &LidarFile,
+        layout: RecordLayout,
+        chunk: &Chunk,
+        wanted: Range<u64>,
+        records: &mut dyn Records,
+        sink: &mut dyn FnMut(&PointBlock),
+    ) -> Result<(), SourceError> {
+        let run = layout.records_in(RAW_BYTES);
+        let mut next = 0;
+        while next < wanted.end {
+            // A run ends where the wanted points begin, so that each is handed out whole or not at all.
+            let until = if next < wanted.start { wanted.start } else { wanted.end };
+            let n = run.min(until - next);
+            self.raw.resize(n as usize * layout.len, 0);
+            let raw = &mut self.raw;
+            let (sound, problem) = match contain(|| records.decode(raw, layout.len)) {
+                Ok(Ok(())) => (n, None),
+                Ok(Err(stop)) => match source_error(stop.error) {
+                    Ok(error) => return Err(error),
+                    Err(error) => {
+                        let ended = error.kind() == io::ErrorKind::UnexpectedEof;
+                        let at_end = chunk.byte_offset + chunk.byte_len == file.bytes.len();
+                        let last = file.open_end && chunk.index + 1 == file.chunks.len() as u64;
+                        let sound = if ended && (at_end || last) { stop.sound as u64 } else { 0 };
+                        (sound, if ended && last { Some(None) } else { Some(Some(error.to_string())) })
+                    }
+                },
+                Err(panic) => (0, Some(Some(panic))),
+            };
+            if next >= wanted.start && sound > 0 {
+                self.raw.truncate(sound as usize * layout.len);
+                self.emit(layout, chunk, next, sink);
+            }
+            next += sound;
+            match problem {
+                None => {}
+                Some(None) => return Ok(()),
+                Some(Some(reason)) => {
+                    return Err(damage(file, chunk, &wanted, next.saturating_sub(wanted.start), reason));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Hands out the records in `raw`, the first of which is record `next` of `chunk`.
+    fn emit(&mut self, layout: RecordLayout, chunk: &Chunk, next: u64, sink: &mut dyn FnMut(&PointBlock)) {
+        self.block.first_record = chunk.first_record + next;
+        layout.extract(&self.raw, &mut self.block);
+        sink(&self.block);
+    }
+}
+
+fn damage(file: &LidarFile, chunk: &Chunk, wanted: &Range<u64>, read: u64, reason: String) -> SourceError {
+    SourceError::Chunk {
+        path: file.path().to_owned(),
+        chunk: chunk.index,
+        offset: chunk.byte_offset,
+        read,
+        records: wanted.end - wanted.start,
+        reason,
+    }
+}
+
+/// Where decoding ended early.
+struct Stop {
+    error: io::Error,
+    /// Records that are complete beyond doubt if the data were merely cut.
+    sound: usize,
+}
+
+/// A source of raw records.
+trait Records {
+    /// Fills `raw` with whole records of `len` bytes.
+    fn decode(&mut self, raw: &mut [u8], len: usize) -> Result<(), Stop>;
+}
+
+/// Interleaved records, one chunk behind the other.
+struct Sequential<'f, 'i> {
+    inner: SequentialPointRecordDecompressor<'f, ByteStream<'f>>,
+    items: &'i [LazItem],
+    /// The coder starts anew after so many records.
+    every: Option<u64>,
+    /// Records since it started.
+    since: u64,
+}
+
+impl<'f, 'i> Sequential<'f, 'i> {
+    fn new(stream: ByteStream<'f>, items: &'i [LazItem], every: Option<u64>) -> Self {
+        let inner = SequentialPointRecordDecompressor::new(stream);
+        let mut records = Sequential { inner, items, every, since: 0 };
+        records.add_fields();
+        records
+    }
+
+    /// `items` have been checked to be of versions 1 and 2 and of these types.
+    fn add_fields(&mut self) {
+        use LazItemType::*;
+        let to = &mut self.inner;
+        for item in self.items {
+            match (item.item_type(), item.version()) {
+                (Point10, 1) => to.add_field_decompressor(v1::LasPoint0Decompressor::default()),
+                (Point10, _) => to.add_field_decompressor(v2::LasPoint0Decompressor::default()),
+                (GpsTime, 1) => to.add_field_decompressor(v1::LasGpsTimeDecompressor::default()),
+                (GpsTime, _) => to.add_field_decompressor(v2::GpsTimeDecompressor::default()),
+                (RGB12, 1) => to.add_field_decompressor(v1::LasRGBDecompressor::default()),
+                (RGB12, _) => to.add_field_decompressor(v2::LasRGBDecompressor::default()),
+                (WavePacket13, _) => to.add_field_decompressor(v1::LasWavepacketDecompressor::default()),
+                (Byte(n), 1) => to.add_field_decompressor(v1::LasExtraByteDecompressor::new(n.into())),
+                (Byte(n), _) => to.add_field_decompressor(v2::LasExtraByteDecompressor::new(n.into())),
+                (other, version) => unreachable!("item {other:?} of version {version} passed the checks"),
+            }
+        }
+    }
+}
+
+impl Records for Sequential<'_, '_> {
+    fn decode(&mut self, raw: &mut [u8], len: usize) -> Result<(), Stop> {
+        let mut sound = 0;
+        for (i, record) in raw.chunks_exact_mut(len).enumerate() {
+            if Some(self.since) == self.every {
+                self.inner.reset();
+                self.add_fields();
+                self.since = 0;
+            }
+            // The coder looks four bytes ahead: once it has taken the last one, records still come out
+            // that may be nothing but its padding.
+            if !self.inner.get().exhausted() {
+                sound = i;
+            }
+            self.inner.decompress_next(record).map_err(|error| Stop { error, sound })?;
+            self.since += 1;
+        }
+        Ok(())
+    }
+}
+
+/// The records of one layered chunk, without the layers that a [`PointBlock`] has no column for.
+struct Layered<'f>(LayeredPointRecordDecompressor<'f, Splice<'f>>);
+
+impl<'f> Layered<'f> {
+    /// `items` have been checked to be of versions 3 and 4.
+    fn new(file: OpenFile<'f>, items: &[LazItem], layout: RecordLayout, layers: &ChunkLayers) -> Self {
+        // The decoder reads: first record, count, sizes, layers. It is given a chunk whose other layers are
+        // empty, and which ends after the colours.
+        let mut front = layers.first[..layout.len].to_vec();
+        front.extend((layers.records as u32).to_le_bytes());
+        front.extend(layers.wanted_sizes().iter().flat_map(|s| s.to_le_bytes()));
+        let mut ranges = [layers.wanted_range(), 0..0];
+        if layout.rgb.is_some() {
+            front.extend(layers.rgb_size().to_le_bytes());
+            ranges[1] = layers.rgb_range();
+        }
+        let mut inner =
+            LayeredPointRecordDecompressor::new(Splice { front: Cursor::new(front), file, ranges });
+        for item in items {
+            match (item.item_type(), item.version()) {
+                (LazItemType::Point14, 3) => {
+                    inner.add_field_decompressor(v3::LasPoint6Decompressor::default())
+                }
+                (LazItemType::Point14, _) => {
+                    inner.add_field_decompressor(v4::LasPoint6Decompressor::default())
+                }
+                (LazItemType::RGB14 | LazItemType::RGBNIR14, 3) => {
+                    inner.add_field_decompressor(v3::LasRGBDecompressor::default());
+                }
+                (LazItemType::RGB14 | LazItemType::RGBNIR14, _) => {
+                    inner.add_field_decompressor(v4::LasRGBDecompressor::default());
+                }
+                _ => {}
+            }
+        }
+        Layered(inner)
+    }
+}
+
+impl Records for Layered<'_> {
+    fn decode(&mut self, raw: &mut [u8], len: usize) -> Result<(), Stop> {
+        for record in raw.chunks_exact_mut(len) {
+            self.0.decompress_next(record).map_err(|error| Stop { error, sound: 0 })?;
         }
         Ok(())
     }
@@ -78,6 +368,17 @@ impl RecordLayout {
             _ => None,
         };
         RecordLayout { len: header.record_len.into(), extended: header.format >= 6, rgb }
+    }
+
+    /// The front of a record, up to the last column.
+    fn head(self) -> RecordLayout {
+        let base = if self.extended { 30 } else { 20 };
+        RecordLayout { len: self.rgb.map_or(base, |at| at + 6), ..self }
+    }
+
+    /// What is decoded of a layered record: its head.
+    fn of_layers(header: &FileHeader) -> RecordLayout {
+        RecordLayout::of(header).head()
     }
 
     /// Whole records in `bytes`, at least one, at most a block.

@@ -7,21 +7,28 @@
 
 mod bytes;
 mod chunks;
+mod contain;
+mod copc;
 pub mod crs;
 mod decode;
 mod error;
 mod header;
 pub mod inputs;
+mod laszip;
+mod layers;
 pub mod placement;
+mod stream;
 mod vlr;
 mod wkt;
 
 pub use bytes::{FileBytes, OpenFile};
+pub use copc::{Copc, VoxelKey};
 pub use decode::Decoder;
 pub use error::{SourceError, Warning};
 pub use header::FileHeader;
 pub use vlr::VlrEntry;
 
+use glam::DVec3;
 use std::path::Path;
 
 /// Most records a [`PointBlock`] holds.
@@ -97,8 +104,14 @@ pub struct LidarFile {
     pub vlrs: Vec<VlrEntry>,
     /// All that can be read, in file order.
     pub chunks: Vec<Chunk>,
+    /// The octree, if it is a COPC file with a sane hierarchy; then each chunk is a node.
+    pub copc: Option<Copc>,
     /// What is wrong with it; the points that are missing are counted.
     pub warnings: Vec<Warning>,
+    /// How its points are compressed.
+    laszip: Option<laszip::Laszip>,
+    /// The last chunk's count is an upper bound: it ends with its bytes.
+    open_end: bool,
 }
 
 impl LidarFile {
@@ -122,8 +135,45 @@ impl LidarFile {
             walk.run(&bytes, &mut vlrs, &mut warnings)?;
         }
 
-        let chunks = chunks::index_las(&header, bytes.len(), &mut warnings);
-        Ok(LidarFile { bytes, header, vlrs, chunks, warnings })
+        let mut file = LidarFile {
+            bytes,
+            header,
+            vlrs,
+            chunks: Vec::new(),
+            copc: None,
+            warnings,
+            laszip: None,
+            open_end: false,
+        };
+        file.index_chunks()?;
+        Ok(file)
+    }
+
+    fn index_chunks(&mut self) -> Result<(), SourceError> {
+        if !self.header.compressed {
+            self.chunks = chunks::index_las(&self.header, self.bytes.len(), &mut self.warnings).chunks;
+            return Ok(());
+        }
+        let laszip = laszip::Laszip::read(&self.bytes, &self.vlrs, &self.header)?;
+        let laszip = self.laszip.insert(laszip);
+        if let Some(info) = self.vlrs.iter().find(|v| v.is("copc", 1))
+            && laszip.compressor == laszip::Compressor::Layered
+        {
+            match copc::read(&self.bytes, &self.header, info) {
+                Ok((copc, chunks)) => {
+                    self.header.copc = true;
+                    (self.copc, self.chunks) = (Some(copc), chunks);
+                    return Ok(());
+                }
+                Err(copc::Broken::Source(error)) => return Err(error),
+                Err(copc::Broken::Hierarchy { offset, reason }) => {
+                    self.warnings.push(Warning::CopcHierarchy { offset, reason });
+                }
+            }
+        }
+        let index = chunks::index_laz(&self.bytes, &self.header, laszip, &mut self.warnings)?;
+        (self.chunks, self.open_end) = (index.chunks, index.open_end);
+        Ok(())
     }
 
     /// Where it lies.
@@ -134,6 +184,12 @@ impl LidarFile {
     /// Points that its chunks hold (what its header claims, unless there is a warning).
     pub fn points(&self) -> u64 {
         self.chunks.last().map_or(0, |c| c.first_record + c.records)
+    }
+
+    /// Lower and upper bounds of a chunk in CRS units, where they are known without decoding it (COPC).
+    pub fn chunk_bounds(&self, chunk: &Chunk) -> Option<[DVec3; 2]> {
+        let copc = self.copc.as_ref()?;
+        copc.nodes.get(chunk.index as usize).map(|&key| copc.bounds(key))
     }
 
     /// The first variable length record of that name, extended or not.

@@ -1,0 +1,103 @@
+//! The head of a layered chunk: first record, count, layer sizes (LASzip 3, point formats 6 to 10).
+
+use super::{FileHeader, OpenFile, SourceError, header::FORMAT_LEN};
+use std::ops::Range;
+
+/// Layers of the point itself: x, y with returns and channel; z; class; flags; intensity; scan angle; user
+/// data; source id; GPS time.
+const POINT_LAYERS: usize = 9;
+/// The first of them, up to intensity, are those that a [`PointBlock`](super::PointBlock) stores.
+const WANTED_LAYERS: usize = 5;
+
+/// Where the layers of a chunk lie; all inside of it.
+#[derive(Debug)]
+pub(super) struct ChunkLayers {
+    /// Records in the chunk, in its own words.
+    pub records: u64,
+    /// The first record, raw.
+    pub first: Vec<u8>,
+    /// Bytes in each layer.
+    sizes: Vec<u32>,
+    /// First byte in the file of the first layer.
+    start: u64,
+    /// Bytes in front of the layers.
+    head_len: u64,
+}
+
+impl ChunkLayers {
+    /// Reads the head of the chunk at `offset` that may have `room` bytes; the inner error says why it
+    /// cannot be one.
+    pub fn read(
+        file: &OpenFile,
+        header: &FileHeader,
+        offset: u64,
+        room: u64,
+    ) -> Result<Result<ChunkLayers, String>, SourceError> {
+        let record_len = usize::from(header.record_len);
+        let of_format = match header.format {
+            6 => 0,
+            7 | 9 => 1,
+            8 => 2,
+            10 => 3,
+            _ => return Ok(Err("point formats 0 to 5 have no layers".into())),
+        };
+        // Each extra byte has a layer of its own.
+        let extra = usize::from(header.record_len - FORMAT_LEN[usize::from(header.format)]);
+        let count = POINT_LAYERS + of_format + extra;
+        let head_len = record_len + 4 + 4 * count;
+        if (head_len as u64) > room {
+            return Ok(Err(format!("{room} bytes cannot hold the head of a layered chunk ({head_len})")));
+        }
+        let mut head = vec![0; head_len];
+        file.read_exact_at(&mut head, offset)?;
+        let words = head[record_len..].chunks_exact(4).map(|w| u32::from_le_bytes(w.try_into().unwrap()));
+        let (records, sizes) = (words.clone().next().unwrap_or(0), words.skip(1).collect::<Vec<_>>());
+        head.truncate(record_len);
+        let layers = ChunkLayers {
+            records: records.into(),
+            first: head,
+            sizes,
+            start: offset + head_len as u64,
+            head_len: head_len as u64,
+        };
+        if layers.byte_len() > room {
+            return Ok(Err(format!("its layers need {} bytes, it has {room}", layers.byte_len())));
+        }
+        if records == 0 {
+            return Ok(Err("it says that it has no points".into()));
+        }
+        Ok(Ok(layers))
+    }
+
+    /// Bytes in the chunk.
+    pub fn byte_len(&self) -> u64 {
+        self.head_len + self.sizes.iter().map(|&s| u64::from(s)).sum::<u64>()
+    }
+
+    /// Sizes of the nine point layers with those set to 0 that are not wanted.
+    pub fn wanted_sizes(&self) -> [u32; POINT_LAYERS] {
+        std::array::from_fn(|i| if i < WANTED_LAYERS { self.sizes[i] } else { 0 })
+    }
+
+    /// Size of the R, G, B layer; only for formats that have one.
+    pub fn rgb_size(&self) -> u32 {
+        self.sizes[POINT_LAYERS]
+    }
+
+    /// Bytes of the layers that are decoded.
+    pub fn needed_bytes(&self, rgb: bool) -> u64 {
+        let range = self.wanted_range();
+        range.end - range.start + if rgb { u64::from(self.rgb_size()) } else { 0 }
+    }
+
+    /// Where the wanted point layers lie in the file.
+    pub fn wanted_range(&self) -> Range<u64> {
+        self.start..self.start + self.wanted_sizes().iter().map(|&s| u64::from(s)).sum::<u64>()
+    }
+
+    /// Where the R, G, B layer lies in the file; only for formats that have one.
+    pub fn rgb_range(&self) -> Range<u64> {
+        let start = self.start + self.sizes[..POINT_LAYERS].iter().map(|&s| u64::from(s)).sum::<u64>();
+        start..start + u64::from(self.rgb_size())
+    }
+}
