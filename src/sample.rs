@@ -15,7 +15,7 @@ pub use frame::Bounds;
 use crate::source::crs::{self, Crs, CrsError};
 use crate::source::placement::{FileFacts, Placement, PlacementOptions, World};
 use crate::source::{Chunk, Copc, Decoder, FLAG_WITHHELD, LidarFile, PointBlock, SourceError, VoxelKey};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -389,8 +389,11 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
     let ground = Ground {
         whole,
         shown: &shown,
-        in_file: &|file, seen| unpack(&files[file].file, seen.raw),
         place: &place,
+        files,
+        budget,
+        first_points: &first_points,
+        boxes_of: file_samples.iter().map(|sample| sample.bounds).collect(),
         boxes: in_runs().filter_map(|i| file_samples[i].bounds).collect(),
         points: in_runs().map(|i| files[i].file.points()).sum(),
     };
@@ -537,7 +540,8 @@ fn window_at(file: usize, lidar: &LidarFile, copc: &Copc, at: usize, budget: &Bu
 
 /// The patches that the cell size is chosen from: different E, N of shown points at each place. A place
 /// of a set that is not read whole is one pass over its ground; how many there are follows from the ground
-/// that all the points would cover at the places' density, and the ground that there is.
+/// that all points would cover at the places' density, and the ground that there is. Where there are
+/// several, their points may be thinned against each other, so chunks of the other passes are read too.
 fn ground_patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> Vec<Patch> {
     let mut patches: Vec<Patch> = Vec::new();
     let mut known = HashSet::new();
@@ -548,7 +552,7 @@ fn ground_patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> Vec<
         }
         let patch = patches.last_mut().expect("pushed above");
         for seen in seen.iter().filter(|seen| (ground.shown)(seen)) {
-            let raw = (ground.in_file)(at.file, seen);
+            let raw = unpack(&ground.files[at.file].file, seen.raw);
             let inside = at.window.is_none_or(|[west, south, east, north]| {
                 (west..east).contains(&raw.x) && (south..north).contains(&raw.y)
             });
@@ -558,31 +562,111 @@ fn ground_patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> Vec<
             }
         }
     }
-    let runs = || places.iter().zip(seen).filter(|(place, _)| place.window.is_none());
-    let looked_at: usize = runs().map(|(_, seen)| seen.len()).sum();
-    if ground.whole || looked_at == 0 {
+    let is_run = |index: &usize| places[*index].window.is_none() && !patches[*index].points.is_empty();
+    let runs: Vec<usize> = if ground.whole { Vec::new() } else { (0..places.len()).filter(is_run).collect() };
+    let spacing = (1.0 / cell::choose(&patches, 0.0).density).sqrt();
+    if runs.is_empty() || !spacing.is_finite() {
         return patches;
     }
-    let spacing = (1.0 / cell::choose(&patches, 0.0).density).sqrt();
-    if spacing.is_finite() {
-        let one_pass = places.iter().zip(&patches).filter(|(place, _)| place.window.is_none());
-        let area: f64 = one_pass.map(|(_, patch)| cell::footprint_area(&patch.points, spacing)).sum();
-        let passes = area * ground.points as f64 / looked_at as f64 / frame::covered_area(&ground.boxes);
-        // Neither can there be less than one, nor does anyone fly more than a few dozen.
-        let passes = if passes.is_nan() { 1.0 } else { passes.clamp(1.0, 64.0) };
-        for (patch, _) in patches.iter_mut().zip(places).filter(|(_, place)| place.window.is_none()) {
-            patch.passes = passes;
+    let looked_at: usize = runs.iter().map(|&run| seen[run].len()).sum();
+    let areas: Vec<f64> =
+        runs.iter().map(|&run| cell::footprint_area(&patches[run].points, spacing)).collect();
+    let all_once = areas.iter().sum::<f64>() * ground.points as f64 / looked_at as f64;
+    // Neither can there be less than one, nor does anyone fly more than a few dozen.
+    let passes = (all_once / frame::covered_area(&ground.boxes)).clamp(1.0, 64.0);
+    if passes.is_nan() || passes < SEVERAL_PASSES {
+        return patches;
+    }
+    let density = runs.iter().map(|&run| patches[run].points.len() as f64).sum::<f64>()
+        / areas.iter().sum::<f64>()
+        * passes;
+    let windows = parallel(runs.len(), |decoder, index| {
+        let (at, patch) = (&places[runs[index]], &patches[runs[index]]);
+        let center = median(patch.points.iter().map(|p| DVec3::new(p[0], p[1], 0.0))).truncate();
+        let reach = areas[index].sqrt() / 2.0;
+        let inside = |p: &[f64; 2]| (DVec2::from_array(*p) - center).abs().max_element() <= reach / 2.0;
+        let mut points: Vec<[f64; 2]> = patch.points.iter().copied().filter(inside).collect();
+        let mut known: HashSet<[u64; 2]> = points.iter().map(|p| p.map(f64::to_bits)).collect();
+        for (file, chunk) in chunks_near(ground, center, reach, at) {
+            let lidar = &ground.files[file].file;
+            let mut seen = Vec::new();
+            // A broken chunk is reported when it is drawn; here it only tells less.
+            let _ =
+                decoder.decode(lidar, &lidar.chunks[chunk], 0..ground.budget.place_points, &mut |block| {
+                    append(block, &mut seen);
+                });
+            lidar.bytes.release();
+            for seen in seen.iter().filter(|seen| (ground.shown)(seen)) {
+                let point = (ground.place)(file, seen);
+                let point = [point.x, point.y];
+                if inside(&point) && known.insert(point.map(f64::to_bits)) {
+                    points.push(point);
+                }
+            }
         }
+        // Where the middle of a pass is a void, the pass itself has to do.
+        if points.len() < patch.points.len() / 8 {
+            return Patch { points: patch.points.clone(), passes };
+        }
+        let here = points.len() as f64 / cell::footprint_area(&points, spacing);
+        Patch { points, passes: (density / here).clamp(1.0, passes) }
+    });
+    for (run, window) in runs.into_iter().zip(windows) {
+        patches[run] = window;
     }
     patches
 }
 
+/// Passes from which on those of one place are looked for.
+const SEVERAL_PASSES: f64 = 1.2;
+/// Most chunks read around a place.
+const NEIGHBOURS: usize = 6;
+
+/// Chunks (file, index) that seem to lie within `reach` of `center`: points are mostly stored in the order
+/// of flight, so a chunk lies along the way from its first point to the next chunk's.
+fn chunks_near(ground: &Ground, center: DVec2, reach: f64, not: &Place) -> Vec<(usize, usize)> {
+    let mut near = Vec::new();
+    for (file, firsts) in ground.first_points.iter().enumerate() {
+        // Of large files not every chunk's first point is known.
+        let known = firsts.len() == ground.files[file].file.chunks.len();
+        if !known || ground.boxes_of[file].is_none_or(|b| distance_to_box(center, b) > 2.0 * reach) {
+            continue;
+        }
+        let at = |index: usize| (ground.place)(file, &firsts[index]).truncate();
+        for chunk in 0..firsts.len() {
+            if file == not.file && not.chunks.iter().any(|(own, _)| *own == chunk) {
+                continue;
+            }
+            let (from, to) = (at(chunk), at((chunk + 1).min(firsts.len() - 1)));
+            let way = to - from;
+            let along =
+                ((center - from).dot(way) / way.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let distance = center.distance(from + way * along);
+            if distance <= 2.0 * reach {
+                near.push((distance, file, chunk));
+            }
+        }
+    }
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    near.truncate(NEIGHBOURS);
+    near.into_iter().map(|(_, file, chunk)| (file, chunk)).collect()
+}
+
+fn distance_to_box(point: DVec2, bounds: Bounds) -> f64 {
+    point.distance(point.clamp(bounds.min.truncate(), bounds.max.truncate()))
+}
+
 /// What [`ground_patches`] must know.
 struct Ground<'a> {
+    files: &'a [Opened],
+    budget: &'a Budget,
+    first_points: &'a [Vec<Seen>],
     whole: bool,
-    shown: &'a dyn Fn(&Seen) -> bool,
-    in_file: &'a dyn Fn(usize, &Seen) -> DVec3,
-    place: &'a dyn Fn(usize, &Seen) -> DVec3,
+    shown: &'a (dyn Fn(&Seen) -> bool + Sync),
+    /// World coordinates of a point of a file.
+    place: &'a (dyn Fn(usize, &Seen) -> DVec3 + Sync),
+    /// Of every file that is drawn.
+    boxes_of: Vec<Option<Bounds>>,
     /// Of the files that are read in runs of chunks, not in windows.
     boxes: Vec<Bounds>,
     /// Points in them.

@@ -75,7 +75,7 @@ fn the_sampled_cell_size_is_that_of_every_point() {
     let Some(data) = data() else { return };
     let small =
         Budget { whole: 5_000, places: 4, place_points: 10_000, window_points: 60_000, first_points: 1000 };
-    let (mut compared, mut differ) = (0, 0);
+    let mut differing = [(0, 0); 2];
     for (name, paths) in sets(&data) {
         let files = open(&paths);
         let points: u64 = files.iter().map(|opened| opened.file.points()).sum();
@@ -87,14 +87,14 @@ fn the_sampled_cell_size_is_that_of_every_point() {
         let time = start.elapsed();
         let full = full_choice(&files, &usual);
         let thin = sample::take(&files, &PlacementOptions::default(), &small);
-        for (label, sample) in [("usual", &usual), ("small", &thin)] {
+        for (index, (label, sample)) in [("usual", &usual), ("small", &thin)].into_iter().enumerate() {
             if sample.whole {
                 assert_eq!(sample.cell, full, "{name}");
                 continue;
             }
             let steps = (sample.cell.cell / full.cell).log2();
-            compared += 1;
-            differ += i32::from(steps != 0.0);
+            differing[index].1 += 1;
+            differing[index].0 += i32::from(steps != 0.0);
             println!(
                 "{name:60} {label} {points:8} read {:7} cell {:6} of {:6} ({steps:+}) density {:8.3} of {:8.3} coverage {:.3} of {:.3} {:.0?}",
                 sample.sampled,
@@ -106,12 +106,11 @@ fn the_sampled_cell_size_is_that_of_every_point() {
                 full.coverage,
                 time
             );
-            assert!(
-                steps.abs() <= 1.0,
-                "{name} {label}: {:?} from the sample, {full:?} from all points",
-                sample.cell
-            );
+            let most = if index == 0 { 1.0 } else { 2.0 };
+            assert!(steps.abs() <= most, "{name} {label}: {:?}, {full:?} from all points", sample.cell);
         }
     }
-    println!("{differ} of {compared} differ");
+    let [(usual, of_usual), (small, of_small)] = differing;
+    println!("{usual} of {of_usual} differ, with a small budget {small} of {of_small}");
+    assert!(usual * 8 <= of_usual && small * 4 <= of_small);
 }

@@ -94,19 +94,22 @@ impl Tally {
         for patch in patches {
             let coverage = Coverage::of(&patch.points, cell);
             let (hit, footprint) = (coverage.hit as f64, coverage.footprint as f64);
-            tally.points += patch.points.len() as f64 * patch.passes;
-            tally.footprint += footprint;
-            tally.hit += footprint * (1.0 - holes_after(1.0 - hit / footprint.max(1.0), patch.passes));
+            // Places are met as often as they hold points: dense ground must not count for more.
+            let weight = 1.0 / patch.points.len().max(1) as f64;
+            tally.points += weight * patch.points.len() as f64 * patch.passes;
+            tally.footprint += weight * footprint;
+            let holes = holes_after(1.0 - hit / footprint.max(1.0), patch.passes);
+            tally.hit += weight * footprint * (1.0 - holes);
         }
         tally
     }
 
     fn points_per_cell(&self) -> f64 {
-        self.points / self.footprint.max(1.0)
+        self.points / self.footprint.max(f64::MIN_POSITIVE)
     }
 
     fn coverage(&self) -> f64 {
-        self.hit / self.footprint.max(1.0)
+        self.hit / self.footprint.max(f64::MIN_POSITIVE)
     }
 }
 

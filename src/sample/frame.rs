@@ -56,15 +56,15 @@ pub fn file_bounds(header: Option<Bounds>, points: &[(DVec3, f64)]) -> Option<Bo
     for axis in 0..3 {
         let (lo, hi) = cores[axis];
         // A tower or a shaft reaches far out of flat country, but not kilometres.
-        let aside = if axis == 2 { 0.1 * width(0).max(width(1)) } else { 0.0 };
+        let aside = if axis == 2 { 0.5 * width(0).max(width(1)) } else { 0.0 };
         let reach = if points.len() < ENOUGH { f64::MAX } else { (0.5 * width(axis)).max(aside).max(1e-3) };
         let near = |value: f64| (lo - reach..=hi + reach).contains(&value);
         let inside = points.iter().map(|(point, _)| point[axis]).filter(|&value| near(value));
         let (first, last) = inside.fold((lo, hi), |(first, last), value| (value.min(first), value.max(last)));
-        let header = header.filter(|header| near(header.min[axis]) && near(header.max[axis]));
+        let side = |value: Option<f64>| value.filter(|&value| near(value));
         // A header that leaves out points is no better than the sample.
-        min[axis] = header.map_or(first, |header| header.min[axis].min(first));
-        max[axis] = header.map_or(last, |header| header.max[axis].max(last));
+        min[axis] = side(header.map(|header| header.min[axis])).map_or(first, |value| value.min(first));
+        max[axis] = side(header.map(|header| header.max[axis])).map_or(last, |value| value.max(last));
     }
     Bounds::new(min, max)
 }
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_sound_header_is_taken_to_the_digit() {
-        let header = bounds([-0.5, -0.25, 1.0], [99.75, 99.5, 60.0]);
+        let header = bounds([-0.5, -0.25, 1.0], [99.75, 99.5, 50.0]);
         assert_eq!(file_bounds(Some(header), &grid(100, 2.0)), Some(header));
         assert_eq!(file_bounds(Some(header), &[]), Some(header));
         assert_eq!(file_bounds(None, &[]), None);
@@ -138,11 +138,11 @@ mod tests {
 
     #[test]
     fn stray_points_and_wrong_headers_are_seen_through() {
-        let header = bounds([-0.5, -0.25, -175_000.0], [185_000.0, 99.5, 60.0]);
+        let header = bounds([-0.5, -0.25, -175_000.0], [185_000.0, 99.5, 50.0]);
         let mut points = grid(100, 2.0);
         points.push((DVec3::new(185_000.0, 50.0, -175_000.0), 1.0));
         let found = file_bounds(Some(header), &points).unwrap();
-        assert_eq!((found.min, found.max), (DVec3::new(0.0, -0.25, 2.0), DVec3::new(99.0, 99.5, 8.0)));
+        assert_eq!((found.min, found.max), (DVec3::new(-0.5, -0.25, 2.0), DVec3::new(99.0, 99.5, 50.0)));
         let small = bounds([10.0, 10.0, 3.0], [20.0, 20.0, 3.5]);
         let found = file_bounds(Some(small), &grid(100, 2.0)).unwrap();
         assert_eq!((found.min.x, found.max.x, found.max.z), (0.0, 99.0, 8.0));
