@@ -52,6 +52,7 @@ pub fn choose(patches: &[Patch], finest: f64) -> CellChoice {
         here = Tally::of(patches, cell);
     }
     // Rounded up to a power of two: below one point a cell 97 % cannot be hit anyway.
+    let finest = finest.max(spacing * 2f64.powi(-40));
     while cell / 2.0 >= finest {
         let finer = Tally::of(patches, cell / 2.0);
         if finer.points_per_cell() < 1.0 {
@@ -93,19 +94,22 @@ impl Tally {
         for patch in patches {
             let coverage = Coverage::of(&patch.points, cell);
             let (hit, footprint) = (coverage.hit as f64, coverage.footprint as f64);
-            tally.points += patch.points.len() as f64 * patch.passes;
-            tally.footprint += footprint;
-            tally.hit += footprint * (1.0 - holes_after(1.0 - hit / footprint.max(1.0), patch.passes));
+            // Places are met as often as they hold points: dense ground must not count for more.
+            let weight = 1.0 / patch.points.len().max(1) as f64;
+            tally.points += weight * patch.points.len() as f64 * patch.passes;
+            tally.footprint += weight * footprint;
+            let holes = holes_after(1.0 - hit / footprint.max(1.0), patch.passes);
+            tally.hit += weight * footprint * (1.0 - holes);
         }
         tally
     }
 
     fn points_per_cell(&self) -> f64 {
-        self.points / self.footprint.max(1.0)
+        self.points / self.footprint.max(f64::MIN_POSITIVE)
     }
 
     fn coverage(&self) -> f64 {
-        self.hit / self.footprint.max(1.0)
+        self.hit / self.footprint.max(f64::MIN_POSITIVE)
     }
 }
 
@@ -176,6 +180,47 @@ fn footprint_of_tile(around: &[[Option<&[u64; TILE]>; 3]; 3]) -> u64 {
     };
     // Bit k: cells k..k + 13 of the row are empty.
     let runs: [u128; ROWS] = std::array::from_fn(|r| {
+        let empty = !row(r) & ((1 << ROWS) - 1);
+        let two = empty & (empty >> 1);
+        let four = two & (two >> 2);
+        let eight = four & (four >> 4);
+        eight & (eight >> 5)
+    });
+    // The empty squares that begin in each row, spread over the cells that they cover.
+    let mut void = [0u128; ROWS];
+    for r in 0..=ROWS - VOID_CELLS {
+        let corners = runs[r..r + VOID_CELLS].iter().fold(!0, |all, run| all & run);
+        if corners != 0 {
+            let two = corners | (corners << 1);
+            let four = two | (two << 2);
+            let eight = four | (four << 4);
+            let covered = eight | (eight << 5);
+            void[r..r + VOID_CELLS].iter_mut().for_each(|row| *row |= covered);
+        }
+    }
+    let inside = void[HALO..HALO + TILE].iter();
+    inside.map(|row| u64::from((!(row >> HALO) as u64).count_ones())).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    fn whole(points: Vec<[f64; 2]>) -> Vec<Patch> {
+        vec![Patch { points, passes: 1.0 }]
+    }
+
+    fn random(count: usize, side: f64, seed: u64) -> Vec<[f64; 2]> {
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(seed);
+        (0..count).map(|_| [0, 1].map(|_| rng.random::<f64>() * side)).collect()
+    }
+
+    /// The definition, cell by cell.
+    fn brute(points: &[[f64; 2]], cell: f64) -> Coverage {
+        let hit: std::collections::HashSet<[i64; 2]> =
+            points.iter().map(|p| p.map(|v| (v / cell).floor() as i64)).collect();
+        let side = VOID_CELLS as i64;
         let (lo, hi) = hit.iter().flatten().fold((i64::MAX, i64::MIN), |(l, h), &v| (l.min(v), h.max(v)));
         let mut void = std::collections::HashSet::new();
         for (i, j) in (lo - side..=hi).flat_map(|i| (lo - side..=hi).map(move |j| (i, j))) {

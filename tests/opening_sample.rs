@@ -1,0 +1,116 @@
+//! The opening sample of real files against the same decisions from every point.
+
+use lasray::sample::{self, Budget, CellChoice, Opened, Patch, Sample};
+use lasray::source::inputs;
+use lasray::source::placement::PlacementOptions;
+use lasray::source::{Decoder, LidarFile};
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+/// Real files, which are no part of the repository.
+fn data() -> Option<PathBuf> {
+    let folder = std::env::var_os("LASRAY_DATA")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("skipped: no real files at {} (LASRAY_DATA names another folder)", folder.display());
+    None
+}
+
+fn open(paths: &[PathBuf]) -> Vec<Opened> {
+    sample::open_all(paths).into_iter().filter_map(Result::ok).collect()
+}
+
+/// The choice from every shown point of the files that `sample` draws.
+fn full_choice(files: &[Opened], sample: &Sample) -> CellChoice {
+    let mut patch = Patch { points: Vec::new(), passes: 1.0 };
+    let mut known = HashSet::new();
+    let mut finest = f64::INFINITY;
+    for (Opened { file, .. }, placement) in files.iter().zip(&sample.world.placements) {
+        let Some(placement) = placement else { continue };
+        let (scale, offset) = (file.header.scale, file.header.offset);
+        finest = finest.min(scale.x).min(scale.y);
+        every_point(file, |raw, class, flags| {
+            let [x, y, z] = [0, 1, 2].map(|axis| f64::from(raw[axis]) * scale[axis] + offset[axis]);
+            let point = placement.place(x, y, z);
+            if !sample::hidden_by_default(class, flags)
+                && known.insert([point.x.to_bits(), point.y.to_bits()])
+            {
+                patch.points.push([point.x, point.y]);
+            }
+        });
+    }
+    sample::choose_cell(&[patch], finest)
+}
+
+fn every_point(file: &LidarFile, mut see: impl FnMut([i32; 3], u8, u8)) {
+    let mut decoder = Decoder::default();
+    for chunk in &file.chunks {
+        let _ = decoder.decode(file, chunk, 0..chunk.records, &mut |block| {
+            for i in 0..block.len() {
+                see([block.x[i], block.y[i], block.z[i]], block.class[i], block.flags[i]);
+            }
+        });
+    }
+}
+
+/// Every good file by itself, and every folder of tiles.
+fn sets(data: &Path) -> Vec<(String, Vec<PathBuf>)> {
+    let files = inputs::expand([data]).files;
+    let good = |path: &PathBuf| {
+        !path.to_string_lossy().contains("hostile") && !path.to_string_lossy().contains("/odd/")
+    };
+    let name = |path: &Path| path.strip_prefix(data).unwrap().display().to_string();
+    let mut sets: Vec<_> =
+        files.iter().filter(|path| good(path)).map(|path| (name(path), vec![path.clone()])).collect();
+    for folder in ["urban/multitile_delft", "urban/multitile_ign", "urban/ign_v14", "forest/multitile_bcts"] {
+        sets.push((folder.to_owned(), inputs::expand([data.join(folder)]).files));
+    }
+    sets
+}
+
+#[test]
+fn the_sampled_cell_size_is_that_of_every_point() {
+    let Some(data) = data() else { return };
+    let small =
+        Budget { whole: 5_000, places: 4, place_points: 10_000, window_points: 60_000, first_points: 1000 };
+    let mut differing = [(0, 0); 2];
+    for (name, paths) in sets(&data) {
+        let files = open(&paths);
+        let points: u64 = files.iter().map(|opened| opened.file.points()).sum();
+        if points < 5_000 {
+            continue;
+        }
+        let start = std::time::Instant::now();
+        let usual = sample::take(&files, &PlacementOptions::default(), &Budget::default());
+        let time = start.elapsed();
+        let full = full_choice(&files, &usual);
+        let thin = sample::take(&files, &PlacementOptions::default(), &small);
+        for (index, (label, sample)) in [("usual", &usual), ("small", &thin)].into_iter().enumerate() {
+            if sample.whole {
+                assert_eq!(sample.cell, full, "{name}");
+                continue;
+            }
+            let steps = (sample.cell.cell / full.cell).log2();
+            differing[index].1 += 1;
+            differing[index].0 += i32::from(steps != 0.0);
+            println!(
+                "{name:60} {label} {points:8} read {:7} cell {:6} of {:6} ({steps:+}) density {:8.3} of {:8.3} coverage {:.3} of {:.3} {:.0?}",
+                sample.sampled,
+                sample.cell.cell,
+                full.cell,
+                sample.cell.density,
+                full.density,
+                sample.cell.coverage,
+                full.coverage,
+                time
+            );
+            let most = if index == 0 { 1.0 } else { 2.0 };
+            assert!(steps.abs() <= most, "{name} {label}: {:?}, {full:?} from all points", sample.cell);
+        }
+    }
+    let [(usual, of_usual), (small, of_small)] = differing;
+    println!("{usual} of {of_usual} differ, with a small budget {small} of {of_small}");
+    assert!(usual * 8 <= of_usual && small * 4 <= of_small);
+}
