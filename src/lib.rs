@@ -3,6 +3,8 @@
 //! Data moves one way: `source` (files, chunks) → `section` (points to columns) →
 //! `stream` (pool, transfer) → `render` (traversal, image). Imports run downward only.
 
+pub mod command;
 pub mod coords;
 pub mod gpu;
 pub mod source;
+pub mod synth;

@@ -1,0 +1,1 @@
+//! `lasray synth`: writes a town that does not exist.
