@@ -25,9 +25,9 @@ fn lit(color: Rgb, by: f64) -> Rgb {
     color.map(|c| c * by)
 }
 
-const LAWN: Rgb = [0.43, 0.53, 0.27];
-const DRY_LAWN: Rgb = [0.56, 0.57, 0.34];
-const MEADOW: Rgb = [0.47, 0.55, 0.29];
+const LAWN: Rgb = [0.37, 0.47, 0.24];
+const DRY_LAWN: Rgb = [0.58, 0.57, 0.37];
+const MEADOW: Rgb = [0.46, 0.53, 0.30];
 const SOIL: Rgb = [0.52, 0.42, 0.31];
 const ASPHALT: Rgb = [0.45, 0.45, 0.46];
 const SLABS: Rgb = [0.61, 0.59, 0.56];
@@ -58,11 +58,11 @@ impl Town {
         }
         if site.town > 0.0 && site.forest < 0.0 {
             let dry = self.garden_tint(site, streets.block);
-            let lawn = blend(LAWN, DRY_LAWN, 0.75 * dry + 0.25 * coarse - 0.1);
+            let lawn = blend(LAWN, DRY_LAWN, 0.95 * dry * dry + 0.2 * coarse);
             return grass(lawn, 0.03);
         }
         if site.forest > -0.015 {
-            let litter = blend([0.37, 0.36, 0.23], [0.32, 0.35, 0.20], 0.5 + 0.5 * coarse);
+            let litter = blend([0.43, 0.43, 0.27], [0.36, 0.43, 0.24], 0.5 + 0.5 * coarse);
             return Cover { color: lit(litter, 0.12 * fine), intensity: 15_000, spread: 0.06 };
         }
         if site.town > -0.035 || site.forest > -0.05 || site.river.abs() < RIVER_HALF + 16.0 {
@@ -85,12 +85,12 @@ impl Town {
         }
         let own = unit(mix(self.seed(), Topic::Traffic, parcel.row * 31, parcel.column));
         let (color, row_spacing, contrast) = match parcel.crop {
-            Crop::Wheat => ([0.76, 0.67, 0.42], 0.0, 0.0),
+            Crop::Wheat => ([0.74, 0.66, 0.43], 0.0, 0.0),
             Crop::Stubble => ([0.72, 0.63, 0.45], 3.0, 0.035),
             Crop::Ploughed => (SOIL, 1.8, 0.05),
             Crop::Maize => ([0.33, 0.45, 0.22], 1.5, 0.07),
-            Crop::Rape => ([0.74, 0.71, 0.25], 0.0, 0.0),
-            Crop::Barley => ([0.55, 0.60, 0.31], 0.0, 0.0),
+            Crop::Beet => ([0.36, 0.49, 0.25], 2.2, 0.04),
+            Crop::Barley => ([0.66, 0.62, 0.42], 0.0, 0.0),
             Crop::Meadow => ([0.44, 0.54, 0.27], 5.0, 0.03),
             Crop::Orchard => ([0.43, 0.52, 0.27], 0.0, 0.0),
         };
@@ -148,16 +148,12 @@ pub(crate) fn carriageway(road: Street, streets: &Streets, site: &Site, fine: f6
     // Wheel paths are polished darker; local streets are older and paler.
     let worn = if (away - 1.6).abs() < 0.5 { -0.03 } else { 0.0 };
     let age = if road.main { -0.04 } else { 0.07 };
-    Cover {
-        color: lit(ASPHALT, age + worn + 0.035 * fine + 0.04 * coarse),
-        intensity: 9_000,
-        spread: 0.012,
-    }
+    Cover { color: lit(ASPHALT, age + worn + 0.035 * fine + 0.04 * coarse), intensity: 9_000, spread: 0.012 }
 }
 
 /// The river's colour.
 pub(crate) fn water(site: &Site, x: f64, y: f64) -> Rgb {
     let depth = 1.0 - (site.river / RIVER_HALF).powi(2);
     let ripple = 0.05 * grain(5, x * 0.8, y * 0.8) + 0.06 * grain(6, x * 0.07, y * 0.16);
-    lit(blend([0.38, 0.43, 0.36], [0.22, 0.34, 0.37], 1.6 * depth), ripple)
+    lit(blend([0.40, 0.43, 0.34], [0.25, 0.36, 0.35], 1.6 * depth), ripple)
 }

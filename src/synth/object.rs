@@ -115,7 +115,12 @@ impl Roof {
             RoofShape::Pyramid if along.abs() / a > across.abs() / b => -fall_along,
             RoofShape::Hip | RoofShape::Pyramid => -fall_across,
         };
-        if self.panels && south > 0.0 && across.abs() > 0.18 * b && across.abs() < 0.8 * b && along.abs() < 0.7 * a {
+        if self.panels
+            && south > 0.0
+            && across.abs() > 0.18 * b
+            && across.abs() < 0.8 * b
+            && along.abs() < 0.7 * a
+        {
             return [0.13, 0.16, 0.24];
         }
         let patina = 0.05 * grain(11, x * 0.45, y * 0.45) + 0.035 * grain(12, x * 2.3, y * 2.3);

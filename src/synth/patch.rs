@@ -4,31 +4,46 @@ use super::cover::{carriageway, water};
 use super::object::{Object, Pylon, Rgb, SlabKind, WIRES};
 use super::random::grain;
 use super::terrain::{Site, WATER_LEVEL};
-use super::town::{DECK, DECK_HALF, Streets, Town};
+use super::town::{Blocks, DECK, DECK_HALF, Streets, Town};
 
 /// Side of a patch, m.
 pub const PATCH: f64 = 64.0;
-/// Spacing of its lattice and side of its bins, m.
-const STEP: f64 = 2.0;
-const CELLS: usize = (PATCH / STEP) as usize;
-const NODES: usize = CELLS + 1;
+/// Spacing of its lattice of smooth fields, m.
+const LATTICE: f64 = 4.0;
+const NODES: usize = (PATCH / LATTICE) as usize + 1;
+/// Side of its bins, m.
+const BIN: f64 = 2.0;
+const BINS: usize = (PATCH / BIN) as usize;
 /// A wire is hit by pulses that pass within this distance, m: about half a footprint.
 const WIRE_REACH: f64 = 0.17;
 
 /// ASPRS classes (LAS 1.4 R15, table 17).
 pub mod class {
+    /// Processed, but none of the others.
     pub const UNCLASSIFIED: u8 = 1;
+    /// Bare earth.
     pub const GROUND: u8 = 2;
+    /// Below 2 m.
     pub const LOW_VEGETATION: u8 = 3;
+    /// 2 to 5 m.
     pub const MEDIUM_VEGETATION: u8 = 4;
+    /// Above 5 m.
     pub const HIGH_VEGETATION: u8 = 5;
+    /// Roofs.
     pub const BUILDING: u8 = 6;
+    /// Echoes from below the ground.
     pub const LOW_NOISE: u8 = 7;
+    /// The river.
     pub const WATER: u8 = 9;
+    /// Carriageways.
     pub const ROAD: u8 = 11;
+    /// Conductors of the power line.
     pub const WIRE: u8 = 14;
+    /// Pylons.
     pub const TOWER: u8 = 15;
+    /// Bridge decks.
     pub const BRIDGE: u8 = 17;
+    /// Birds.
     pub const HIGH_NOISE: u8 = 18;
 }
 
@@ -89,29 +104,38 @@ pub struct Patch<'a> {
 impl<'a> Patch<'a> {
     /// Builds the patch with index (i, j).
     pub fn new(town: &'a Town, i: i64, j: i64) -> Patch<'a> {
+        Patch::beside(town, i, j, &mut Blocks::default())
+    }
+
+    /// The same, faster where a patch nearby was built with the same `blocks`.
+    pub(crate) fn beside(town: &'a Town, i: i64, j: i64, blocks: &mut Blocks) -> Patch<'a> {
         let corner = [i as f64 * PATCH, j as f64 * PATCH];
         let sites = (0..NODES * NODES)
-            .map(|k| town.terrain.site(corner[0] + (k % NODES) as f64 * STEP, corner[1] + (k / NODES) as f64 * STEP))
+            .map(|k| {
+                town.terrain
+                    .site(corner[0] + (k % NODES) as f64 * LATTICE, corner[1] + (k / NODES) as f64 * LATTICE)
+            })
             .collect();
         let range = [corner[0], corner[1], corner[0] + PATCH, corner[1] + PATCH];
-        let objects = town.objects(range);
+        let objects = town.objects(range, blocks);
         assert!(objects.len() <= usize::from(u16::MAX), "a patch of 64 m holds some hundred objects");
         let bins = |object: &Object| {
             let [west, south, east, north] = object.bounds();
-            let cell = |value: f64, low: f64| ((value - low) / STEP).floor().clamp(0.0, (CELLS - 1) as f64) as usize;
+            let cell =
+                |value: f64, low: f64| ((value - low) / BIN).floor().clamp(0.0, (BINS - 1) as f64) as usize;
             let (i0, i1) = (cell(west, corner[0]), cell(east, corner[0]));
             let (j0, j1) = (cell(south, corner[1]), cell(north, corner[1]));
-            (j0..=j1).flat_map(move |j| (i0..=i1).map(move |i| j * CELLS + i))
+            (j0..=j1).flat_map(move |j| (i0..=i1).map(move |i| j * BINS + i))
         };
-        let mut starts = vec![0u32; CELLS * CELLS + 1];
+        let mut starts = vec![0u32; BINS * BINS + 1];
         for object in &objects {
             bins(object).for_each(|bin| starts[bin + 1] += 1);
         }
-        for bin in 0..CELLS * CELLS {
+        for bin in 0..BINS * BINS {
             starts[bin + 1] += starts[bin];
         }
         let mut next = starts.clone();
-        let mut members = vec![0u16; starts[CELLS * CELLS] as usize];
+        let mut members = vec![0u16; starts[BINS * BINS] as usize];
         for (index, object) in objects.iter().enumerate() {
             for bin in bins(object) {
                 members[next[bin] as usize] = index as u16;
@@ -131,18 +155,13 @@ impl<'a> Patch<'a> {
         [(x / PATCH).floor() as i64, (y / PATCH).floor() as i64]
     }
 
-    fn cell(&self, x: f64, y: f64) -> [usize; 2] {
-        let cell = |value: f64, low: f64| (((value - low) / STEP) as usize).min(CELLS - 1);
-        [cell(x, self.corner[0]), cell(y, self.corner[1])]
-    }
-
-    /// The smooth fields at (x, y) inside this patch: bilinear on the 2 m lattice, which is their definition.
+    /// The smooth fields at (x, y) inside this patch: bilinear on the 4 m lattice, which is their definition.
     #[inline]
     pub fn site(&self, x: f64, y: f64) -> Site {
-        let [i, j] = self.cell(x, y);
+        let (tx, ty) = ((x - self.corner[0]) / LATTICE, (y - self.corner[1]) / LATTICE);
+        let (i, j) = ((tx as usize).min(NODES - 2), (ty as usize).min(NODES - 2));
+        let (tx, ty) = (tx - i as f64, ty - j as f64);
         let node = &self.sites[j * NODES + i..];
-        let tx = (x - self.corner[0]) / STEP - i as f64;
-        let ty = (y - self.corner[1]) / STEP - j as f64;
         Site::between([&node[0], &node[1], &node[NODES], &node[NODES + 1]], tx, ty)
     }
 
@@ -153,8 +172,8 @@ impl<'a> Patch<'a> {
     }
 
     fn objects_at(&self, x: f64, y: f64) -> impl Iterator<Item = &Object> {
-        let [i, j] = self.cell(x, y);
-        let bin = j * CELLS + i;
+        let cell = |value: f64, low: f64| (((value - low) / BIN) as usize).min(BINS - 1);
+        let bin = cell(y, self.corner[1]) * BINS + cell(x, self.corner[0]);
         let members = &self.members[self.starts[bin] as usize..self.starts[bin + 1] as usize];
         members.iter().map(|&index| &self.objects[usize::from(index)])
     }
@@ -224,8 +243,13 @@ impl<'a> Patch<'a> {
                         if height > solid.height {
                             let glass = height < slab.foot + 1.4 || grain(41, x * 3.0, y * 3.0) < 0.75;
                             let color = if glass { slab.color } else { [0.16, 0.18, 0.2] };
-                            solid =
-                                Hit { height, class: class::UNCLASSIFIED, color, intensity: 19_000, spread: 0.02 };
+                            solid = Hit {
+                                height,
+                                class: class::UNCLASSIFIED,
+                                color,
+                                intensity: 19_000,
+                                spread: 0.02,
+                            };
                         }
                     } else if leaves.is_none_or(|other| height > other.top) {
                         let light = 1.0 + 0.16 * grain(42, x * 2.4, y * 2.4) as f32;
@@ -280,7 +304,8 @@ impl<'a> Patch<'a> {
 /// The top of a bridge: carriageway, pavements, railings.
 fn deck(site: &Site, streets: &Streets, away: f64, x: f64, y: f64) -> Hit {
     let (fine, coarse) = (grain(1, x * 1.7, y * 1.7), grain(2, x * 0.21, y * 0.21));
-    let hit = |height, color, intensity| Hit { height, class: class::BRIDGE, color, intensity, spread: 0.015 };
+    let hit =
+        |height, color, intensity| Hit { height, class: class::BRIDGE, color, intensity, spread: 0.015 };
     match (streets.u, away.abs()) {
         (Some(road), from) if from < road.half => {
             let cover = carriageway(road, streets, site, fine, coarse);

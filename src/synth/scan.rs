@@ -2,8 +2,8 @@
 
 use super::patch::{Hit, Leaves, PATCH, Patch, Section, class};
 use super::random::{Topic, mix};
-use super::terrain::{RIVER_HALF, Terrain};
-use super::town::Town;
+use super::terrain::RIVER_HALF;
+use super::town::{Blocks, Town};
 use crate::source::{BLOCK_RECORDS, FLAG_OVERLAP, PointBlock};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -108,7 +108,12 @@ impl Strip {
                 (line, low.max(middle - SWATH_HALF), high.min(middle + SWATH_HALF))
             })
             .filter(|(_, west, east)| west < east)
-            .map(|(line, west, east)| Strip { line, west, east, yields: expected_yields(town, tile, west, east) })
+            .map(|(line, west, east)| Strip {
+                line,
+                west,
+                east,
+                yields: expected_yields(town, tile, west, east),
+            })
             .collect()
     }
 
@@ -145,6 +150,7 @@ fn expected_yields(town: &Town, tile: &Tile, west: f64, east: f64) -> Vec<f64> {
 struct Patches<'a> {
     town: &'a Town,
     rows: Vec<(i64, i64, Vec<Option<Patch<'a>>>)>,
+    blocks: Blocks,
 }
 
 impl<'a> Patches<'a> {
@@ -164,7 +170,7 @@ impl<'a> Patches<'a> {
         };
         let town = self.town;
         let (_, first, patches) = &mut self.rows[row];
-        patches[(i - *first) as usize].get_or_insert_with(|| Patch::new(town, i, j))
+        patches[(i - *first) as usize].get_or_insert_with(|| Patch::beside(town, i, j, &mut self.blocks))
     }
 }
 
@@ -198,7 +204,7 @@ pub fn scan<E>(town: &Town, tile: &Tile, mut sink: impl FnMut(&ScanBlock) -> Res
             tile.points as i64,
         );
         let mut pulse = Pulse::new(Pcg64Mcg::seed_from_u64(seed), strip, spacing, tile);
-        let mut patches = Patches { town, rows: Vec::with_capacity(2) };
+        let mut patches = Patches { town, rows: Vec::with_capacity(2), blocks: Blocks::default() };
         let width = strip.east - strip.west;
         for k in 0..scan_lines {
             let line = if pulse.northward { k } else { scan_lines - 1 - k };
@@ -253,6 +259,13 @@ fn flush<E>(
     Ok(())
 }
 
+/// A coordinate as it is stored: rounded to [`SCALE`] (without the library call of `f64::round`).
+#[inline]
+fn stored(value: f64) -> i32 {
+    let steps = value * (1.0 / SCALE);
+    (steps + 0.5_f64.copysign(steps)) as i32
+}
+
 /// The pulse that is under way, and its randomness.
 struct Pulse {
     rng: Pcg64Mcg,
@@ -264,8 +277,12 @@ struct Pulse {
     low: [f64; 2],
     high: [f64; 2],
     line_y: f64,
+    /// How the scan line lies askew, spacings at the swath's edge.
+    skew: f64,
     x: f64,
     y: f64,
+    /// Degrees from the nadir.
+    angle: f32,
     at_edge: bool,
 }
 
@@ -283,14 +300,17 @@ impl Pulse {
             low: [strip.west, tile.corner[1]],
             high: [strip.east, tile.corner[1] + tile.size[1]],
             line_y: 0.0,
+            skew: 0.0,
             x: 0.0,
             y: 0.0,
+            angle: 0.0,
             at_edge: false,
         }
     }
 
     fn start_line(&mut self, y: f64) {
         self.line_y = y;
+        self.skew = 0.35 * (y * 0.05).sin();
     }
 
     /// Four numbers in [0, 1), 16 bits each.
@@ -309,18 +329,21 @@ impl Pulse {
     #[inline]
     fn aim(&mut self, x: f64, step: f64, patches: &mut Patches<'_>, strip: &Strip) -> Section {
         let [a, b, ..] = self.four();
-        // A scan line leans with the aircraft's way, which sways a little.
-        let sway = 0.12 * (x * 0.031).sin() + 0.3 * (self.line_y * 0.05).sin() * (x - self.middle) / SWATH_HALF;
+        // Scan lines turn with the aircraft's nose, a little.
+        let sway = self.skew * (x - self.middle) / SWATH_HALF;
         let place = |value: f64, axis: usize| {
             // Mirrored at the tile's border, and a hair inside so that rounding stays inside.
             let (low, high) = (self.low[axis] + SCALE, self.high[axis] - SCALE);
             let mirrored = if value < low { 2.0 * low - value } else { value };
             let mirrored = if mirrored > high { 2.0 * high - mirrored } else { mirrored };
-            ((mirrored.clamp(low, high)) / SCALE).round() * SCALE
+            f64::from(stored(mirrored.clamp(low, high))) * SCALE
         };
-        let (px, py) =
-            (place(x + (a - 0.5) * 0.25 * step, 0), place(self.line_y + self.spacing * (sway + (b - 0.5) * 0.2), 1));
+        let (px, py) = (
+            place(x + (a - 0.5) * 0.25 * step, 0),
+            place(self.line_y + self.spacing * (sway + (b - 0.5) * 0.2), 1),
+        );
         (self.x, self.y) = (px, py);
+        self.angle = ((px - self.middle) / FLYING_HEIGHT).atan().to_degrees() as f32;
         self.at_edge = SWATH_HALF - (px - self.middle).abs() < step;
         patches.at(px, py, strip).section(px, py)
     }
@@ -341,7 +364,8 @@ impl Pulse {
             self.record(&[hit], block);
             return 1;
         }
-        if section.solid.class == class::WATER && section.leaves.is_none() && section.wire.is_none() && !sure {
+        if section.solid.class == class::WATER && section.leaves.is_none() && section.wire.is_none() && !sure
+        {
             // Still water mirrors slanted pulses away.
             let slant = (self.x - self.middle).abs() / SWATH_HALF;
             if self.one() < 0.03 + 0.22 * slant * slant {
@@ -412,9 +436,8 @@ impl Pulse {
         let direction = if self.northward { 1.0 } else { -1.0 };
         let along = (direction * self.line_y + 0.45 * self.spacing * across / SWATH_HALF) / SPEED;
         let time = TIME_ZERO + TIME_A_LINE * self.line as f64 + along;
-        let angle = across.atan2(FLYING_HEIGHT).to_degrees() as f32;
+        let angle = self.angle;
         let overlap = across.abs() > LINE_SPACING - SWATH_HALF;
-        let stored = |value: f64| (value / SCALE).round() as i32;
         let (x, y) = (stored(self.x), stored(self.y));
         let total = hits.len() as u8;
         for (number, hit) in hits.iter().enumerate() {
@@ -427,7 +450,7 @@ impl Pulse {
             points.z.push(stored(hit.height + hit.spread * error));
             points.class.push(hit.class);
             points.flags.push(if overlap { FLAG_OVERLAP } else { 0 });
-            points.returns.push(number as u8 + 1 | total << 4);
+            points.returns.push((number as u8 + 1) | (total << 4));
             let strength = 0.9 + 0.2 * a;
             points.intensity.push((f64::from(hit.intensity) * strength / f64::from(total).sqrt()) as u16);
             let grain = 65_535.0 * (0.98 + 0.04 * b as f32);

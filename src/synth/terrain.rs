@@ -70,8 +70,15 @@ pub struct Village {
     pub centre: [f64; 2],
     /// Radius, m.
     pub radius: f64,
-    /// The wooded hill beside it.
-    pub hill: [f64; 2],
+    /// Direction of the wooded hill beside it, radians from north to east.
+    hill: f64,
+}
+
+impl Village {
+    fn hill(&self) -> [f64; 2] {
+        let away = self.radius + 80.0;
+        [self.centre[0] + away * self.hill.sin(), self.centre[1] + away * self.hill.cos()]
+    }
 }
 
 /// The terrain's noise fields; a pure function of the seed.
@@ -102,10 +109,11 @@ impl Terrain {
         }
     }
 
-    /// Bent coordinates of (x, y): near the identity, slopes under 0.3.
+    /// Bent coordinates of (x, y): near the identity, slopes under 0.5.
     pub fn bend(&self, x: f64, y: f64) -> [f64; 2] {
         let wave = |noise: &Perlin| {
-            46.0 * noise.get([x / 470.0 + 0.31, y / 470.0 + 0.77]) + 8.0 * noise.get([x / 150.0, y / 150.0 + 0.4])
+            62.0 * noise.get([x / 430.0 + 0.31, y / 430.0 + 0.77])
+                + 8.0 * noise.get([x / 150.0, y / 150.0 + 0.4])
         };
         [x + wave(&self.bend_u), y + wave(&self.bend_v)]
     }
@@ -113,8 +121,8 @@ impl Terrain {
     /// The place whose bent coordinates are (u, v), to a millimetre.
     pub fn unbend(&self, u: f64, v: f64) -> [f64; 2] {
         let (mut x, mut y) = (u, v);
-        // A contraction: each round shrinks the error by the bend's slope (< 0.3).
-        for _ in 0..12 {
+        // A contraction: each round shrinks the error by the bend's slope (< 0.5).
+        for _ in 0..16 {
             let [bu, bv] = self.bend(x, y);
             let (du, dv) = (u - bu, v - bv);
             x += du;
@@ -146,7 +154,7 @@ impl Terrain {
         let middle = self.river_middle(row, x);
         let slope = (self.river_middle(row, x + 2.0) - middle) / 2.0;
         let width = 1.0 + 0.16 * self.meander.get([x / 75.0, row * 3.1 + 9.2]);
-        (y - middle) / (slope.hypot(1.0) * width)
+        (y - middle) / ((1.0 + slope * slope).sqrt() * width)
     }
 
     /// The village with lattice index (i, j), if one stands there; (0, 0) is the town itself.
@@ -163,9 +171,7 @@ impl Terrain {
             ([x, y], 110.0 + 170.0 * draw(3))
         };
         // North-east, give or take: beyond the roofs in the usual view from the south.
-        let azimuth = (30.0 + 35.0 * draw(4)).to_radians();
-        let away = radius + 75.0;
-        let hill = [centre[0] + away * azimuth.sin(), centre[1] + away * azimuth.cos()];
+        let hill = (30.0 + 35.0 * draw(4)).to_radians();
         Some(Village { centre, radius, hill })
     }
 
@@ -187,18 +193,26 @@ impl Terrain {
         let mut knoll = 0.0_f64;
         let ragged = 1.0 + 0.3 * self.cover.get([x / 170.0 + 0.2, y / 170.0]);
         for village in self.villages_near(x, y) {
-            let from = |p: [f64; 2]| (x - p[0]).hypot(y - p[1]);
-            town = town.max(1.0 - from(village.centre) / (village.radius * ragged));
-            knoll = knoll.max((-(from(village.hill) / 115.0).powi(2)).exp());
+            let square = |p: [f64; 2]| (x - p[0]).powi(2) + (y - p[1]).powi(2);
+            let away = square(village.centre).sqrt();
+            town = town.max(1.0 - away / (village.radius * ragged));
+            // Beyond this a hill is less than a millimetre high.
+            if away < village.radius + 500.0 {
+                knoll = knoll.max((-square(village.hill()) / (115.0 * 115.0)).exp());
+            }
         }
 
         let beyond = (river.abs() - 20.0).max(0.0);
         let octaves = |scale: f64, x0: f64| self.hills.get([x / scale + x0, y / scale + 0.43]);
-        let rolling = 0.5 + 0.55 * octaves(560.0, 0.13) + 0.24 * octaves(250.0, 0.71) + 0.09 * octaves(95.0, 0.37);
+        let rolling =
+            0.5 + 0.55 * octaves(560.0, 0.13) + 0.24 * octaves(250.0, 0.71) + 0.09 * octaves(95.0, 0.37);
         let rise = 1.0 - (-beyond / 240.0).exp();
         let calm = 1.0 - 0.6 * smoothstep(-0.1, 0.5, town);
-        let natural =
-            WATER_LEVEL + 2.4 + rise * calm * 34.0 * rolling.max(0.0) + 0.01 * beyond.min(900.0) + 30.0 * knoll * rise;
+        let natural = WATER_LEVEL
+            + 2.4
+            + rise * calm * 40.0 * rolling.max(0.0)
+            + 0.01 * beyond.min(900.0)
+            + 42.0 * knoll * rise;
         let bed = WATER_LEVEL - 1.6;
         let height = bed + (natural - bed) * smoothstep(RIVER_HALF - 3.5, RIVER_HALF + 5.5, river.abs());
 
@@ -211,8 +225,8 @@ impl Terrain {
             height,
             u,
             v,
-            grad_u: (ue - u).hypot(un - u),
-            grad_v: (ve - v).hypot(vn - v),
+            grad_u: ((ue - u).powi(2) + (un - u).powi(2)).sqrt(),
+            grad_v: ((ve - v).powi(2) + (vn - v).powi(2)).sqrt(),
             river,
             town,
             forest,

@@ -3,14 +3,15 @@
 use super::object::{
     Decal, Frame, Habit, Object, PYLON_HALF, Pylon, Rgb, Roof, RoofShape, Slab, SlabKind, Tree, WIRES,
 };
-use super::random::{Topic, mix, stream, unit};
+use super::random::{Topic, floor, mix, stream, unit};
 use super::terrain::{RIVER_HALF, Site, Terrain, WATER_LEVEL};
 use rand::RngExt;
 use rand_pcg::Pcg64Mcg;
+use std::collections::HashMap;
 
 /// Mean spacing of streets that run along constant u and constant v, m.
 const BLOCK_U: f64 = 106.0;
-const BLOCK_V: f64 = 67.0;
+const BLOCK_V: f64 = 60.0;
 /// Every so many of them is a road that leaves town.
 const MAIN_U: i64 = 5;
 const MAIN_V: i64 = 7;
@@ -33,7 +34,7 @@ const RAMP_REACH: f64 = RIVER_HALF + 62.0;
 /// Direction of power lines (unit vector), their distance from the square and from each other, spacing of
 /// pylons, and how deep a wire hangs in mid-span, m.
 const LINE_AXIS: [f64; 2] = [0.766_044_443_118_978, 0.642_787_609_686_539_4];
-const LINE_AWAY: f64 = 226.0;
+const LINE_AWAY: f64 = 285.0;
 const LINE_SPACING: f64 = 2600.0;
 const SPAN: f64 = 172.0;
 const SAG: f64 = 6.5;
@@ -77,7 +78,7 @@ pub enum Crop {
     Stubble,
     Ploughed,
     Maize,
-    Rape,
+    Beet,
     Barley,
     Meadow,
     Orchard,
@@ -112,15 +113,15 @@ pub struct Town {
 }
 
 const ROOF_TILES: [Rgb; 9] = [
-    [0.64, 0.33, 0.22],
-    [0.69, 0.38, 0.25],
-    [0.60, 0.29, 0.21],
-    [0.74, 0.43, 0.29],
-    [0.50, 0.31, 0.24],
-    [0.44, 0.27, 0.22],
-    [0.36, 0.36, 0.39],
-    [0.29, 0.29, 0.32],
-    [0.57, 0.40, 0.31],
+    [0.61, 0.36, 0.27],
+    [0.65, 0.40, 0.30],
+    [0.57, 0.33, 0.26],
+    [0.68, 0.45, 0.34],
+    [0.48, 0.33, 0.27],
+    [0.42, 0.29, 0.25],
+    [0.38, 0.38, 0.41],
+    [0.31, 0.31, 0.34],
+    [0.55, 0.42, 0.35],
 ];
 const CAR_PAINT: [Rgb; 7] = [
     [0.88, 0.88, 0.89],
@@ -143,6 +144,21 @@ const LEAVES: [Rgb; 7] = [
 const NEEDLES: [Rgb; 3] = [[0.18, 0.29, 0.18], [0.20, 0.31, 0.21], [0.23, 0.32, 0.19]];
 const SLATE: Rgb = [0.33, 0.34, 0.38];
 const PAVING: Rgb = [0.64, 0.60, 0.55];
+
+/// The index i with line(i) <= value < line(i + 1), and those two; lines lie within half a `spacing` of
+/// i · spacing.
+#[inline]
+fn between(value: f64, spacing: f64, line: impl Fn(i64) -> f64) -> (i64, f64, f64) {
+    let guess = floor(value / spacing);
+    let (low, high) = (line(guess), line(guess + 1));
+    if value < low {
+        (guess - 1, line(guess - 1), low)
+    } else if value >= high {
+        (guess + 1, high, line(guess + 2))
+    } else {
+        (guess, low, high)
+    }
+}
 
 fn pick<T: Copy>(rng: &mut Pcg64Mcg, of: &[T]) -> T {
     of[rng.random_range(0..of.len())]
@@ -167,7 +183,6 @@ struct Lot {
     ground: f64,
     /// Rise of the ground per metre along the street and towards the back.
     fall: [f64; 2],
-    town: f64,
 }
 
 impl Lot {
@@ -182,6 +197,26 @@ impl Lot {
 
     fn ground(&self, along: f64, behind: f64) -> f64 {
         self.ground + self.fall[0] * along + self.fall[1] * behind
+    }
+}
+
+/// Blocks that were worked out lately: neighbouring patches share most of them.
+#[derive(Default)]
+pub struct Blocks(HashMap<[i64; 2], Vec<Object>>);
+
+impl Blocks {
+    /// Most blocks kept; some 10 MB.
+    const KEPT: usize = 1024;
+
+    fn get(&mut self, town: &Town, i: i64, j: i64) -> &[Object] {
+        if self.0.len() >= Blocks::KEPT && !self.0.contains_key(&[i, j]) {
+            self.0.clear();
+        }
+        self.0.entry([i, j]).or_insert_with(|| {
+            let mut objects = Vec::new();
+            town.block(i, j, &mut objects);
+            objects
+        })
     }
 }
 
@@ -209,17 +244,7 @@ impl Town {
 
     /// The block that holds (u, v).
     pub(crate) fn block_of(&self, u: f64, v: f64) -> [i64; 2] {
-        let find = |value: f64, spacing: f64, line: &dyn Fn(i64) -> f64| {
-            let guess = (value / spacing).floor() as i64;
-            if value < line(guess) {
-                guess - 1
-            } else if value >= line(guess + 1) {
-                guess + 1
-            } else {
-                guess
-            }
-        };
-        [find(u, BLOCK_U, &|i| self.u_line(i)), find(v, BLOCK_V, &|j| self.v_line(j))]
+        [between(u, BLOCK_U, |i| self.u_line(i)).0, between(v, BLOCK_V, |j| self.v_line(j)).0]
     }
 
     /// The cross street `i` is missing beside block row `j`: two blocks have grown together.
@@ -230,9 +255,10 @@ impl Town {
     /// The streets around `site`.
     #[inline]
     pub fn streets(&self, site: &Site) -> Streets {
-        let [i, j] = self.block_of(site.u, site.v);
+        let (i, west, east) = between(site.u, BLOCK_U, |i| self.u_line(i));
+        let (j, south, north) = between(site.v, BLOCK_V, |j| self.v_line(j));
         let built = site.town > STREET_TOWN && site.river.abs() > RIVER_HALF + 5.0;
-        let (west, east) = (site.u - self.u_line(i), site.u - self.u_line(i + 1));
+        let (west, east) = (site.u - west, site.u - east);
         let (line, away) = if west < -east { (i, west) } else { (i + 1, east) };
         let main = line.rem_euclid(MAIN_U) == 0;
         let u = (main || built && !self.cross_street_missing(line, j)).then(|| Street {
@@ -240,7 +266,7 @@ impl Town {
             half: if main { MAIN_HALF } else { LOCAL_HALF },
             main,
         });
-        let (south, north) = (site.v - self.v_line(j), site.v - self.v_line(j + 1));
+        let (south, north) = (site.v - south, site.v - north);
         let (line, away) = if south < -north { (j, south) } else { (j + 1, north) };
         let main = line.rem_euclid(MAIN_V) == 0;
         let v = (main && site.river.abs() > RIVER_HALF + 5.0 || built).then(|| Street {
@@ -278,22 +304,17 @@ impl Town {
         let [along, across] = field_frame(u, v);
         const DEPTH: f64 = 78.0;
         let line = |row: i64| DEPTH * row as f64 + 26.0 * (self.hash(Topic::ParcelRow, row, 0) - 0.5);
-        let guess = (across / DEPTH).floor() as i64;
-        let row = match across {
-            a if a < line(guess) => guess - 1,
-            a if a >= line(guess + 1) => guess + 1,
-            _ => guess,
-        };
+        let (row, south, north) = between(across, DEPTH, line);
         let length = 70.0 + 130.0 * self.hash(Topic::ParcelRow, row, 1);
         let shifted = along + 200.0 * self.hash(Topic::ParcelRow, row, 2);
-        let column = (shifted / length).floor() as i64;
+        let column = floor(shifted / length);
         const CROPS: [Crop; 11] = [
             Crop::Wheat,
             Crop::Wheat,
             Crop::Stubble,
             Crop::Ploughed,
             Crop::Maize,
-            Crop::Rape,
+            Crop::Beet,
             Crop::Barley,
             Crop::Meadow,
             Crop::Meadow,
@@ -306,8 +327,8 @@ impl Town {
             column,
             crop: CROPS[((choice * CROPS.len() as f64) as usize).min(CROPS.len() - 1)],
             along: shifted - column as f64 * length,
-            across: across - line(row),
-            size: [length, line(row + 1) - line(row)],
+            across: across - south,
+            size: [length, north - south],
         }
     }
 
@@ -335,7 +356,7 @@ impl Town {
     /// The span of a power line at distance `along` it: index of its first pylon and the share of the way.
     pub(crate) fn span(along: f64) -> (i64, f64) {
         let t = along / SPAN - 0.36;
-        (t.floor() as i64, t - t.floor())
+        (floor(t), t - floor(t) as f64)
     }
 
     /// Height of wire `wire` (of [`WIRES`]) at share `t` of a span between pylons with feet `a` and `b`.
@@ -345,8 +366,12 @@ impl Town {
     }
 
     /// Every object whose bounds meet the rectangle (west, south, east, north).
-    pub(crate) fn objects(&self, range: [f64; 4]) -> Vec<Object> {
+    pub(crate) fn objects(&self, range: [f64; 4], blocks: &mut Blocks) -> Vec<Object> {
         let mut found = Vec::new();
+        let meets = |object: &Object| {
+            let [west, south, east, north] = object.bounds();
+            west <= range[2] && east >= range[0] && south <= range[3] && north >= range[1]
+        };
         let [x0, y0, x1, y1] = range;
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
         for k in 0..25 {
@@ -364,7 +389,7 @@ impl Town {
         let last = self.block_of(high[0], high[1]);
         for j in first[1]..=last[1] {
             for i in first[0]..=last[0] {
-                self.block(i, j, &mut found);
+                found.extend(blocks.get(self, i, j).iter().filter(|object| meets(object)));
             }
         }
         self.orchards_and_hedgerows(low, high, &mut found);
@@ -375,10 +400,7 @@ impl Town {
             let (k, _) = Town::span(along);
             found.extend((k - 1..=k + 2).map(|k| Object::Pylon(self.pylon(line, k))));
         }
-        found.retain(|object| {
-            let [west, south, east, north] = object.bounds();
-            west <= x1 && east >= x0 && south <= y1 && north >= y0
-        });
+        found.retain(meets);
         found
     }
 
@@ -424,7 +446,8 @@ impl Town {
 
     fn forest(&self, range: [f64; 4], found: &mut Vec<Object>) {
         const STEP: f64 = 5.3;
-        let cells = |low: f64, high: f64| ((low - 8.0) / STEP).floor() as i64..=((high + 8.0) / STEP).floor() as i64;
+        let cells =
+            |low: f64, high: f64| ((low - 8.0) / STEP).floor() as i64..=((high + 8.0) / STEP).floor() as i64;
         for j in cells(range[1], range[3]) {
             for i in cells(range[0], range[2]) {
                 let mut rng = stream(self.seed(), Topic::ForestTree, i, j);
@@ -457,16 +480,17 @@ impl Town {
 
     fn riverside(&self, range: [f64; 4], found: &mut Vec<Object>) {
         let row = Terrain::river_row((range[1] + range[3]) / 2.0);
-        const STEP: f64 = 7.0;
+        const STEP: f64 = 6.0;
         let first = ((range[0] - 8.0) / STEP).floor() as i64;
         let last = ((range[2] + 8.0) / STEP).floor() as i64;
         for i in first..=last {
             for bank in [-1.0, 1.0] {
-                let mut rng = stream(self.seed(), Topic::RiverTree, i * 2 + i64::from(bank > 0.0), row as i64);
+                let mut rng =
+                    stream(self.seed(), Topic::RiverTree, i * 2 + i64::from(bank > 0.0), row as i64);
                 let x = (i as f64 + rng.random_range(0.0..1.0)) * STEP;
                 let away = RIVER_HALF + rng.random_range(3.0..9.0);
                 let y = self.terrain.river_middle(row, x) + bank * away;
-                if rng.random_bool(0.42) || !inside(range, x, y, 8.0) {
+                if rng.random_bool(0.25) || !inside(range, x, y, 8.0) {
                     continue;
                 }
                 let site = self.terrain.site(x, y);
@@ -486,7 +510,8 @@ impl Town {
     fn orchards_and_hedgerows(&self, low: [f64; 2], high: [f64; 2], found: &mut Vec<Object>) {
         let corners = [[low[0], low[1]], [high[0], low[1]], [low[0], high[1]], [high[0], high[1]]]
             .map(|[u, v]| field_frame(u, v));
-        let bound = |axis: usize, pick: fn(f64, f64) -> f64| corners.map(|c| c[axis]).into_iter().reduce(pick);
+        let bound =
+            |axis: usize, pick: fn(f64, f64) -> f64| corners.map(|c| c[axis]).into_iter().reduce(pick);
         let (Some(p0), Some(p1)) = (bound(0, f64::min), bound(0, f64::max)) else { return };
         let (Some(q0), Some(q1)) = (bound(1, f64::min), bound(1, f64::max)) else { return };
         // A fixed lattice in the fields' frame; a place plants what its parcel asks for.
@@ -501,7 +526,8 @@ impl Town {
                 }
                 let parcel = self.parcel(u, v);
                 let orchard = parcel.crop == Crop::Orchard && k % 2 == 0 && parcel.edge() > 3.0;
-                let hedged = parcel.across < ACROSS && self.hash(Topic::HedgeRow, parcel.row, parcel.column) < 0.33;
+                let hedged =
+                    parcel.across < ACROSS && self.hash(Topic::HedgeRow, parcel.row, parcel.column) < 0.33;
                 if !orchard && !hedged {
                     continue;
                 }
@@ -551,6 +577,11 @@ impl Town {
             self.square(i, j, [west, east, south, north], found);
             return;
         }
+        let green = (0.05..0.55).contains(&centre.town) && centre.river.abs() > 45.0;
+        if green && self.hash(Topic::Block, i, j) < 0.09 {
+            self.playing_field(i, j, [west, east, south, north], found);
+            return;
+        }
         for (side, front) in [(1.0, south), (-1.0, north)] {
             let depth = (north - south) / 2.0 - 0.3;
             self.row_of_lots(i, j, side, front, [west, east], depth, found);
@@ -579,7 +610,8 @@ impl Town {
                 let count = ((to - from) / 12.5).round() as i64;
                 for k in 1..count {
                     for side in [-1.0, 1.0] {
-                        let along = from + (to - from) * (k as f64 + rng.random_range(-0.1..0.1)) / count as f64;
+                        let along =
+                            from + (to - from) * (k as f64 + rng.random_range(-0.1..0.1)) / count as f64;
                         let chance = rng.random_range(0.0..1.0);
                         let mut own = stream(rng.random(), Topic::AvenueTree, k, i);
                         let [x, y] = place(along, side * (half + 2.2));
@@ -641,15 +673,15 @@ impl Town {
         }
         let kind = rng.random_range(0.0..1.0);
         let (terrace, flats, hall) =
-            (town > 0.6, town < 0.58 && kind < 0.13, town < 0.34 && (0.13..0.21).contains(&kind));
+            (town > 0.6, town < 0.58 && kind < 0.07, town < 0.3 && (0.07..0.12).contains(&kind));
         let wanted_width = match () {
             _ if terrace => rng.random_range(8.5..12.5),
             _ if flats => 34.0,
             _ if hall => 46.0,
-            _ => rng.random_range(16.5..22.5),
+            _ => rng.random_range(14.5..19.5),
         };
         let count = ((east - west) / wanted_width).floor().max(1.0);
-        let setback = if terrace { rng.random_range(0.8..2.2) } else { rng.random_range(3.5..7.0) };
+        let setback = if terrace { rng.random_range(0.8..2.2) } else { rng.random_range(2.5..5.5) };
         let palette: [Rgb; 2] = [pick(&mut rng, &ROOF_TILES), pick(&mut rng, &ROOF_TILES)];
         for k in 0..count as i64 {
             let mut rng = stream(rng.random(), Topic::Lots, k, i ^ j);
@@ -659,7 +691,8 @@ impl Town {
             let depth = depth / site.grad_v;
             let back = front_frame.world(0.0, side * depth);
             let beside = front_frame.world(8.0, side * 10.0);
-            let (behind, aside) = (self.terrain.site(back[0], back[1]), self.terrain.site(beside[0], beside[1]));
+            let (behind, aside) =
+                (self.terrain.site(back[0], back[1]), self.terrain.site(beside[0], beside[1]));
             let slope_back = (behind.height - site.height) / depth;
             let lot = Lot {
                 front: front_frame,
@@ -668,7 +701,6 @@ impl Town {
                 depth,
                 ground: site.height,
                 fall: [(aside.height - site.height - 10.0 * slope_back) / 8.0, slope_back],
-                town: site.town,
             };
             let middle = lot.at(0.0, 11.0);
             let clear = |s: &Site| s.river.abs() > RIVER_HALF + 7.0 && s.forest < 0.1;
@@ -704,19 +736,21 @@ impl Town {
             };
             let color = tint(color, rng.random_range(-0.08..0.08));
             let along_street = rng.random_bool(0.74);
-            let mut long = rng.random_range(4.9..7.0_f64);
-            let mut wide = rng.random_range(4.0..5.2_f64);
+            let mut long = rng.random_range(5.2..7.4_f64);
+            let mut wide = rng.random_range(4.3..5.6_f64);
             if !along_street {
                 (long, wide) = (long.min(6.2), wide.min(0.33 * lot.width));
             }
             long = long.min(0.5 * lot.width - 1.6).max(wide);
             let reach = if along_street { wide } else { long };
             let behind = setback + rng.random_range(-0.8..1.6) + reach;
-            let shift = rng.random_range(-1.0..1.0) * (0.5 * lot.width - if along_street { long } else { wide } - 1.2).max(0.0);
+            let shift = rng.random_range(-1.0..1.0)
+                * (0.5 * lot.width - if along_street { long } else { wide } - 1.2).max(0.0);
             let plain = lot.frame(shift, behind, [long, wide]);
             let mut frame = if along_street { plain } else { plain.turned(0.0, 0.0, [long, wide]) };
             let (sin, cos) = rng.random_range(-0.035..0.035_f64).sin_cos();
-            frame.axis = [frame.axis[0] * cos - frame.axis[1] * sin, frame.axis[1] * cos + frame.axis[0] * sin];
+            frame.axis =
+                [frame.axis[0] * cos - frame.axis[1] * sin, frame.axis[1] * cos + frame.axis[0] * sin];
 
             let ground = lot.ground(shift, behind);
             let pitch = rng.random_range(33.0..47.0_f64).to_radians().tan();
@@ -739,19 +773,40 @@ impl Town {
                 let side = long - half - rng.random_range(0.0..1.0);
                 let side = if rng.random_bool(0.5) { side } else { -side };
                 let wing = frame.turned(side, garden * out / 2.0, [out / 2.0, half]);
-                found.push(Object::Roof(Roof { frame: wing, shape: RoofShape::Gable, eaves, rise: pitch * half, color, panels: false }));
+                found.push(Object::Roof(Roof {
+                    frame: wing,
+                    shape: RoofShape::Gable,
+                    eaves,
+                    rise: pitch * half,
+                    color,
+                    panels: false,
+                }));
             }
             if shape == RoofShape::Gable && rise > 3.0 && rng.random_bool(0.35) {
                 for side in [-1.0, 1.0] {
                     let dormer = frame.turned(side * 0.42 * long, -garden * 0.5 * wide, [0.34 * wide, 1.15]);
                     let eaves = eaves + 0.52 * rise;
-                    found.push(Object::Roof(Roof { frame: dormer, shape: RoofShape::Gable, eaves, rise: 0.8, color: tint(color, -0.06), panels: false }));
+                    found.push(Object::Roof(Roof {
+                        frame: dormer,
+                        shape: RoofShape::Gable,
+                        eaves,
+                        rise: 0.8,
+                        color: tint(color, -0.06),
+                        panels: false,
+                    }));
                 }
             }
             if shape != RoofShape::Flat && rng.random_bool(0.65) {
                 let chimney = frame.moved(rng.random_range(-0.45..0.45) * long, 0.5, [0.42, 0.36]);
                 let top = eaves + rise + 0.35;
-                found.push(Object::Roof(Roof { frame: chimney, shape: RoofShape::Flat, eaves: top, rise: 0.0, color: [0.42, 0.30, 0.26], panels: false }));
+                found.push(Object::Roof(Roof {
+                    frame: chimney,
+                    shape: RoofShape::Flat,
+                    eaves: top,
+                    rise: 0.0,
+                    color: [0.42, 0.30, 0.26],
+                    panels: false,
+                }));
             }
             let hand = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
             let drive = hand * (0.5 * lot.width - 2.0);
@@ -771,7 +826,11 @@ impl Town {
                 }
                 let length = behind - if free { 2.1 } else { 0.0 };
                 let shade = pick(rng, &[PAVING, [0.52, 0.50, 0.49], [0.62, 0.54, 0.48]]);
-                found.push(Object::Decal(Decal { frame: lot.frame(drive, length / 2.0, [1.6, length / 2.0]), color: shade, intensity: 15_000 }));
+                found.push(Object::Decal(Decal {
+                    frame: lot.frame(drive, length / 2.0, [1.6, length / 2.0]),
+                    color: shade,
+                    intensity: 15_000,
+                }));
                 if rng.random_bool(0.4) && length > 5.5 {
                     let at = lot.at(drive, length - 3.2);
                     let along = lot.front.turned(0.0, 0.0, [1.0, 1.0]).axis;
@@ -779,7 +838,11 @@ impl Town {
                 }
             }
             let terrace = lot.frame(shift + 0.3 * long, behind + reach + 1.6, [2.6, 1.8]);
-            found.push(Object::Decal(Decal { frame: terrace, color: tint(PAVING, rng.random_range(-0.15..0.1)), intensity: 15_000 }));
+            found.push(Object::Decal(Decal {
+                frame: terrace,
+                color: tint(PAVING, rng.random_range(-0.15..0.1)),
+                intensity: 15_000,
+            }));
         }
         // Garden: what is far enough from the front.
         let room = lot.depth - 15.0;
@@ -805,7 +868,7 @@ impl Town {
             }
         }
         self.garden_hedges(lot, rng, found);
-        for _ in 0..rng.random_range(1..6) {
+        for _ in 0..rng.random_range(2..8) {
             let along = rng.random_range(-0.47..0.47) * lot.width;
             let behind = if rng.random_bool(0.75) {
                 rng.random_range(0.55..0.97) * lot.depth
@@ -824,7 +887,9 @@ impl Town {
                     let [a, b] = roof.frame.local(at[0], at[1]);
                     a.abs() < roof.frame.half[0] + 1.6 && b.abs() < roof.frame.half[1] + 1.6
                 }
-                Object::Tree(tree) => (tree.centre[0] - at[0]).hypot(tree.centre[1] - at[1]) < tree.radius + 1.0,
+                Object::Tree(tree) => {
+                    (tree.centre[0] - at[0]).hypot(tree.centre[1] - at[1]) < tree.radius + 1.0
+                }
                 _ => false,
             });
             if !crowded {
@@ -866,36 +931,76 @@ impl Town {
         let eaves = ground + rng.random_range(5.8..9.0);
         let color = tint(pick(rng, &ROOF_TILES), rng.random_range(-0.08..0.08));
         let frame = lot.frame(0.0, behind, [0.5 * lot.width + 0.1, wide]);
-        found.push(Object::Roof(Roof { frame, shape: RoofShape::Gable, eaves, rise: pitch * wide, color, panels: rng.random_bool(0.08) }));
+        found.push(Object::Roof(Roof {
+            frame,
+            shape: RoofShape::Gable,
+            eaves,
+            rise: pitch * wide,
+            color,
+            panels: rng.random_bool(0.08),
+        }));
         if rng.random_bool(0.4) {
             let half = rng.random_range(2.0..3.0_f64).min(0.4 * lot.width);
             let out = wide + rng.random_range(3.0..8.0);
             let side = rng.random_range(-0.3..0.3) * lot.width;
             let wing = frame.turned(side, lot.back * out / 2.0, [out / 2.0, half]);
-            found.push(Object::Roof(Roof { frame: wing, shape: RoofShape::Gable, eaves: eaves - 1.0, rise: pitch * half, color: tint(color, 0.04), panels: false }));
+            found.push(Object::Roof(Roof {
+                frame: wing,
+                shape: RoofShape::Gable,
+                eaves: eaves - 1.0,
+                rise: pitch * half,
+                color: tint(color, 0.04),
+                panels: false,
+            }));
         }
         if rng.random_bool(0.45) {
             let dormer = frame.turned(0.0, -lot.back * 0.55 * wide, [0.3 * wide, 1.2]);
-            found.push(Object::Roof(Roof { frame: dormer, shape: RoofShape::Gable, eaves: eaves + 0.45 * pitch * wide, rise: 0.9, color, panels: false }));
+            found.push(Object::Roof(Roof {
+                frame: dormer,
+                shape: RoofShape::Gable,
+                eaves: eaves + 0.45 * pitch * wide,
+                rise: 0.9,
+                color,
+                panels: false,
+            }));
         }
         if rng.random_bool(0.8) {
             let chimney = frame.moved(rng.random_range(-0.3..0.3) * lot.width, 0.4, [0.45, 0.4]);
-            found.push(Object::Roof(Roof { frame: chimney, shape: RoofShape::Flat, eaves: eaves + pitch * wide + 0.4, rise: 0.0, color: [0.42, 0.30, 0.26], panels: false }));
+            found.push(Object::Roof(Roof {
+                frame: chimney,
+                shape: RoofShape::Flat,
+                eaves: eaves + pitch * wide + 0.4,
+                rise: 0.0,
+                color: [0.42, 0.30, 0.26],
+                panels: false,
+            }));
         }
         // Yard: paved, or a tree.
         let yard = 0.5 * (lot.depth + behind + wide);
         if rng.random_bool(0.45) {
             let half = [0.5 * lot.width - 0.4, 0.3 * (lot.depth - behind - wide).max(1.0)];
-            found.push(Object::Decal(Decal { frame: lot.frame(0.0, yard, half), color: tint(PAVING, rng.random_range(-0.2..0.0)), intensity: 15_000 }));
+            found.push(Object::Decal(Decal {
+                frame: lot.frame(0.0, yard, half),
+                color: tint(PAVING, rng.random_range(-0.2..0.0)),
+                intensity: 15_000,
+            }));
         } else {
-            let (habit, scale) = if rng.random_bool(0.6) { (Habit::Broad, 0.75) } else { (Habit::Shrub, 1.3) };
+            let (habit, scale) =
+                if rng.random_bool(0.6) { (Habit::Broad, 0.75) } else { (Habit::Shrub, 1.3) };
             let along = rng.random_range(-0.3..0.3) * lot.width;
             let tree = self.tree(rng, lot.at(along, yard + 2.0), lot.ground(along, yard + 2.0), habit, scale);
             found.push(tree);
         }
         if rng.random_bool(0.3) {
             let behind = lot.depth - 1.8;
-            found.push(Object::Roof(Roof { frame: lot.frame(0.0, behind, [0.4 * lot.width, 1.6]), shape: RoofShape::Shed, eaves: lot.ground(0.0, behind) + 2.4, rise: 0.7, color: tint(color, -0.12), panels: false }));
+            found.push(Object::Roof(Roof {
+                frame: lot.frame(0.0, behind, [0.4 * lot.width, 1.6]),
+                shape: RoofShape::Shed,
+                eaves: lot.ground(0.0, behind) + 2.4,
+                rise: 0.7,
+                color: tint(color, -0.12),
+                panels: false,
+            }));
         }
     }
 
@@ -903,12 +1008,27 @@ impl Town {
         let half = [(0.5 * lot.width - 3.0).min(15.0), rng.random_range(5.2..6.4)];
         let behind = 8.0 + half[1];
         let eaves = lot.ground(0.0, behind) + pick(rng, &[9.2, 12.0, 14.8]);
-        let color = pick(rng, &[[0.60, 0.60, 0.58], [0.47, 0.47, 0.48], [0.66, 0.64, 0.60], [0.47, 0.52, 0.40]]);
+        let color =
+            pick(rng, &[[0.60, 0.60, 0.58], [0.47, 0.47, 0.48], [0.66, 0.64, 0.60], [0.47, 0.52, 0.40]]);
         let frame = lot.frame(0.0, behind, half);
-        found.push(Object::Roof(Roof { frame, shape: RoofShape::Flat, eaves, rise: 0.0, color, panels: false }));
+        found.push(Object::Roof(Roof {
+            frame,
+            shape: RoofShape::Flat,
+            eaves,
+            rise: 0.0,
+            color,
+            panels: false,
+        }));
         for side in [-0.5, 0.45] {
             let lift = frame.moved(side * half[0], 0.8, [2.2, 1.7]);
-            found.push(Object::Roof(Roof { frame: lift, shape: RoofShape::Flat, eaves: eaves + 2.6, rise: 0.0, color: tint(color, 0.12), panels: false }));
+            found.push(Object::Roof(Roof {
+                frame: lift,
+                shape: RoofShape::Flat,
+                eaves: eaves + 2.6,
+                rise: 0.0,
+                color: tint(color, 0.12),
+                panels: false,
+            }));
         }
         self.parking(lot, [-0.5 * lot.width + 2.0, 0.5 * lot.width - 2.0], 3.2, rng, found);
         for _ in 0..7 {
@@ -927,7 +1047,14 @@ impl Town {
         let color = pick(rng, &[[0.70, 0.71, 0.72], [0.55, 0.57, 0.60], [0.62, 0.60, 0.56]]);
         let low = rng.random_bool(0.5);
         let shape = if low { RoofShape::Flat } else { RoofShape::Gable };
-        found.push(Object::Roof(Roof { frame: lot.frame(0.0, behind, half), shape, eaves, rise: 2.2, color, panels: rng.random_bool(0.4) }));
+        found.push(Object::Roof(Roof {
+            frame: lot.frame(0.0, behind, half),
+            shape,
+            eaves,
+            rise: 2.2,
+            color,
+            panels: rng.random_bool(0.4),
+        }));
         self.parking(lot, [-0.5 * lot.width + 1.0, 0.5 * lot.width - 1.0], 3.2, rng, found);
     }
 
@@ -962,14 +1089,22 @@ impl Town {
         let ground = site.height;
         let tiles = tint(pick(&mut rng, &ROOF_TILES[..4]), 0.0);
         let mut roof = |frame: Frame, shape: RoofShape, eaves: f64, rise: f64, color: Rgb| {
-            found.push(Object::Roof(Roof { frame, shape, eaves: ground + eaves, rise, color, panels: false }));
+            found.push(Object::Roof(Roof {
+                frame,
+                shape,
+                eaves: ground + eaves,
+                rise,
+                color,
+                panels: false,
+            }));
         };
         // The church: nave, transept, choir, aisles, tower with a steep helm.
         let church = frame.moved(-0.18 * half[0], 2.0, [0.0, 0.0]);
         roof(church.moved(0.0, 0.0, [14.0, 6.0]), RoofShape::Gable, 11.0, 8.5, tiles);
         for aisle in [-1.0, 1.0] {
             let (out, turn) = (aisle * 7.6, -aisle);
-            let lean_to = Frame { axis: church.axis.map(|a| a * turn), ..church.moved(-1.0, out, [11.5, 2.0]) };
+            let lean_to =
+                Frame { axis: church.axis.map(|a| a * turn), ..church.moved(-1.0, out, [11.5, 2.0]) };
             roof(lean_to, RoofShape::Shed, 5.6, 3.0, tint(tiles, -0.05));
         }
         roof(church.turned(6.5, 0.0, [10.0, 4.4]), RoofShape::Gable, 11.0, 6.8, tiles);
@@ -1006,14 +1141,57 @@ impl Town {
         }
         found.insert(
             0,
-            Object::Decal(Decal { frame: Frame { half, ..frame }, color: [0.66, 0.62, 0.56], intensity: 17_000 }),
+            Object::Decal(Decal {
+                frame: Frame { half, ..frame },
+                color: [0.66, 0.62, 0.56],
+                intensity: 17_000,
+            }),
         );
+    }
+
+    /// A pitch with its lines, and trees around it.
+    fn playing_field(&self, i: i64, j: i64, [west, east, south, north]: [f64; 4], found: &mut Vec<Object>) {
+        let mut rng = stream(self.seed(), Topic::Block, i, j);
+        let frame = self.street_frame((west + east) / 2.0, (south + north) / 2.0);
+        let site = self.terrain.site(frame.centre[0], frame.centre[1]);
+        let block = [(east - west) / 2.0 / site.grad_u, (north - south) / 2.0 / site.grad_v];
+        let half = [(block[0] - 7.0).min(48.0), (block[1] - 5.0).min(30.0)];
+        let mut paint = |along: f64, across: f64, half: [f64; 2], color: Rgb| {
+            let frame = frame.moved(along, across, half);
+            found.push(Object::Decal(Decal { frame, color, intensity: 25_000 }));
+        };
+        for stripe in 0..10 {
+            let width = half[0] / 10.0;
+            let color = if stripe % 2 == 0 { [0.33, 0.48, 0.23] } else { [0.38, 0.53, 0.26] };
+            paint(-half[0] + width * (2.0 * f64::from(stripe) + 1.0), 0.0, [width, half[1]], color);
+        }
+        const CHALK: Rgb = [0.86, 0.88, 0.84];
+        for side in [-1.0, 1.0] {
+            paint(0.0, side * (half[1] - 1.5), [half[0] - 1.5, 0.2], CHALK);
+            paint(side * (half[0] - 1.5), 0.0, [0.2, half[1] - 1.5], CHALK);
+            paint(side * (half[0] - 15.0), 0.0, [0.2, 12.0], CHALK);
+            for end in [-12.0, 12.0] {
+                paint(side * (half[0] - 8.3), end, [6.8, 0.2], CHALK);
+            }
+        }
+        paint(0.0, 0.0, [0.2, half[1] - 1.5], CHALK);
+        for k in 0..((half[0] / 3.5) as i64) {
+            for side in [-1.0, 1.0] {
+                let along = -half[0] + 3.5 + 7.0 * k as f64 + rng.random_range(-1.5..1.5);
+                let [x, y] = frame.world(along, side * (half[1] + 2.0));
+                let foot = self.terrain.site(x, y).height;
+                let tree = self.tree(&mut rng, [x, y], foot, Habit::Broad, 0.7);
+                if rng.random_bool(0.75) {
+                    found.push(tree);
+                }
+            }
+        }
     }
 
     /// A number that is the same all over one garden, for the colour of its lawn.
     pub(crate) fn garden_tint(&self, site: &Site, block: [i64; 2]) -> f64 {
         let middle = (self.v_line(block[1]) + self.v_line(block[1] + 1)) / 2.0;
-        let lot = (site.u / 19.0).floor() as i64;
+        let lot = floor(site.u / 19.0);
         self.hash(Topic::Traffic, lot, 2 * block[1] + i64::from(site.v < middle))
     }
 }

@@ -101,7 +101,8 @@ pub fn write_tile(
         message: error.to_string(),
     };
     let header = header(format, compress).map_err(|e| refused(&e))?;
-    let mut file = BufWriter::with_capacity(BUFFER_BYTES, temporary_beside(path).map_err(io("create the file"))?);
+    let mut file =
+        BufWriter::with_capacity(BUFFER_BYTES, temporary_beside(path).map_err(io("create the file"))?);
     header.write_to(&mut file).map_err(|e| refused(&e))?;
 
     let mut output = if compress {
@@ -291,7 +292,8 @@ impl Totals {
             }
         }
         if total > 0 {
-            let world = |value: i32, axis: usize| f64::from(value) * SCALE + [ORIGIN[0], ORIGIN[1], 0.0][axis];
+            let world =
+                |value: i32, axis: usize| f64::from(value) * SCALE + [ORIGIN[0], ORIGIN[1], 0.0][axis];
             [raw.min_x, raw.min_y, raw.min_z] = std::array::from_fn(|axis| world(self.min[axis], axis));
             [raw.max_x, raw.max_y, raw.max_z] = std::array::from_fn(|axis| world(self.max[axis], axis));
         }
