@@ -4,9 +4,11 @@
 //! `stream` (pool, transfer) → `render` (traversal, image). Imports run downward only.
 
 pub mod attribute;
+pub mod command;
 pub mod coords;
 pub mod gpu;
 pub mod render;
 pub mod section;
 pub mod source;
 pub mod stream;
+pub mod synth;

@@ -748,3 +748,4 @@ pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(
     negotiate.get_physical_device_proc_addr = std::ptr::null();
     vk::Result::SUCCESS
 }
+
