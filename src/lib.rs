@@ -8,6 +8,7 @@ pub mod command;
 pub mod coords;
 pub mod gpu;
 pub mod render;
+pub mod sample;
 pub mod section;
 pub mod source;
 pub mod stream;

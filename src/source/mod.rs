@@ -7,24 +7,17 @@
 
 mod bytes;
 mod chunks;
-pub mod crs;
 mod contain;
 mod copc;
+pub mod crs;
 mod decode;
 mod error;
 mod fields;
-mod contain;
-mod copc;
-pub mod crs;
-mod decode;
-mod error;
 mod header;
 pub mod inputs;
 mod laszip;
 mod layers;
 pub mod placement;
-mod laszip;
-mod layers;
 mod stream;
 mod vlr;
 mod wkt;

@@ -748,4 +748,3 @@ pub unsafe extern "system" fn vkNegotiateLoaderLayerInterfaceVersion(
     negotiate.get_physical_device_proc_addr = std::ptr::null();
     vk::Result::SUCCESS
 }
-
