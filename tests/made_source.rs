@@ -281,6 +281,8 @@ fn counts_that_lie() {
     };
     let las = Made::new(3, Packing::Plain, 1000);
     expect(&las, &set(&las, 1200), 1000, &[Warning::PointsMissing { claimed: 1200, readable: 1000 }]);
+    let stopped = Warning::PointsUnclaimed { claimed: 0, found: 1000, read: 1000 };
+    expect(&las, &set(&las, 0), 1000, &[stopped]);
     let las = Made::new(7, Packing::Plain, 1000);
     let most = u64::MAX;
     expect(&las, &set(&las, most), 1000, &[Warning::PointsMissing { claimed: most, readable: 1000 }]);
