@@ -429,3 +429,30 @@ fn the_las_writer_is_understood() {
         }
     }
 }
+
+#[test]
+fn workers_share_a_file() {
+    let made = Made::new(3, Packing::Fixed(1000), 20_000);
+    let disk = on_disk(&made.bytes());
+    let file = LidarFile::open(&disk.path).unwrap();
+    let sums: Vec<i64> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..4)
+            .map(|worker| {
+                let file = &file;
+                scope.spawn(move || {
+                    let (mut decoder, mut sum) = (Decoder::default(), 0);
+                    for chunk in file.chunks.iter().skip(worker).step_by(4) {
+                        let sink =
+                            &mut |b: &PointBlock| sum += b.x.iter().map(|&x| i64::from(x)).sum::<i64>();
+                        decoder.decode(file, chunk, 0..u64::MAX, sink).unwrap();
+                        file.bytes.release();
+                    }
+                    sum
+                })
+            })
+            .collect();
+        workers.into_iter().map(|w| w.join().unwrap()).collect()
+    });
+    let wanted: i64 = columns(3, 34, &made.records).x.iter().map(|&x| i64::from(x)).sum();
+    assert_eq!(sums.iter().sum::<i64>(), wanted);
+}
