@@ -1,8 +1,8 @@
 //! Files made in memory, in every format and packing: what comes out is what went in.
 
-mod common;
+mod made;
 
-use common::{Made, Packing, append, columns, decode_all};
+use made::{Made, Packing, append, columns, decode_all};
 use lasray::source::{Decoder, LidarFile, PointBlock, SourceError, Warning};
 use std::path::PathBuf;
 
@@ -281,6 +281,8 @@ fn counts_that_lie() {
     };
     let las = Made::new(3, Packing::Plain, 1000);
     expect(&las, &set(&las, 1200), 1000, &[Warning::PointsMissing { claimed: 1200, readable: 1000 }]);
+    let stopped = Warning::PointsUnclaimed { claimed: 0, found: 1000, read: 1000 };
+    expect(&las, &set(&las, 0), 1000, &[stopped]);
     let las = Made::new(7, Packing::Plain, 1000);
     let most = u64::MAX;
     expect(&las, &set(&las, most), 1000, &[Warning::PointsMissing { claimed: most, readable: 1000 }]);
@@ -410,8 +412,8 @@ fn the_las_writer_is_understood() {
             let header = builder.into_header().unwrap();
             let dir = tempfile::tempdir().unwrap();
             let path = dir.path().join(if compressed { "w.laz" } else { "w.las" });
-            let len = usize::from(common::FORMAT_LEN[usize::from(format)]);
-            let raw = common::records(format, 0, 60_000);
+            let len = usize::from(made::FORMAT_LEN[usize::from(format)]);
+            let raw = made::records(format, 0, 60_000);
             let points =
                 las::PointDataBuilder::new().for_header(&header).build_from_bytes(raw.clone()).unwrap();
             let mut writer = las::Writer::from_path(&path, header).unwrap();
@@ -426,4 +428,31 @@ fn the_las_writer_is_understood() {
             assert!(read.x_raw().eq(all.x.iter().copied()));
         }
     }
+}
+
+#[test]
+fn workers_share_a_file() {
+    let made = Made::new(3, Packing::Fixed(1000), 20_000);
+    let disk = on_disk(&made.bytes());
+    let file = LidarFile::open(&disk.path).unwrap();
+    let sums: Vec<i64> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..4)
+            .map(|worker| {
+                let file = &file;
+                scope.spawn(move || {
+                    let (mut decoder, mut sum) = (Decoder::default(), 0);
+                    for chunk in file.chunks.iter().skip(worker).step_by(4) {
+                        let sink =
+                            &mut |b: &PointBlock| sum += b.x.iter().map(|&x| i64::from(x)).sum::<i64>();
+                        decoder.decode(file, chunk, 0..u64::MAX, sink).unwrap();
+                        file.bytes.release();
+                    }
+                    sum
+                })
+            })
+            .collect();
+        workers.into_iter().map(|w| w.join().unwrap()).collect()
+    });
+    let wanted: i64 = columns(3, 34, &made.records).x.iter().map(|&x| i64::from(x)).sum();
+    assert_eq!(sums.iter().sum::<i64>(), wanted);
 }

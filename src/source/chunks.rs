@@ -39,14 +39,17 @@ impl Index {
     }
 }
 
-/// Cuts the records of a LAS file that its length allows for.
-pub(super) fn index_las(header: &FileHeader, file_len: u64, warnings: &mut Vec<Warning>) -> Index {
+/// Cuts the records of a LAS file that there is room for before byte `end`.
+pub(super) fn index_las(header: &FileHeader, end: u64, warnings: &mut Vec<Warning>) -> Index {
     let record_len = u64::from(header.record_len);
-    let room = file_len.saturating_sub(header.offset_to_points) / record_len;
+    let room = end.saturating_sub(header.offset_to_points) / record_len;
     let claimed = header.claimed_points;
-    let readable = claimed.min(room);
+    // A writer that was stopped leaves a count of 0; any other count knows what follows the points.
+    let readable = if claimed == 0 { room } else { claimed.min(room) };
     if readable < claimed {
         warnings.push(Warning::PointsMissing { claimed, readable });
+    } else if readable > claimed {
+        warnings.push(Warning::PointsUnclaimed { claimed, found: room, read: readable });
     }
     let mut index = Index::default();
     for first in (0..readable).step_by(LAS_CHUNK_RECORDS as usize) {

@@ -179,31 +179,33 @@ impl Decoder {
             let n = run.min(until - next);
             self.raw.resize(n as usize * layout.len, 0);
             let raw = &mut self.raw;
-            let (sound, problem) = match contain(|| records.decode(raw, layout.len)) {
-                Ok(Ok(())) => (n, None),
-                Ok(Err(stop)) => match source_error(stop.error) {
-                    Ok(error) => return Err(error),
-                    Err(error) => {
-                        let ended = error.kind() == io::ErrorKind::UnexpectedEof;
-                        let at_end = chunk.byte_offset + chunk.byte_len == file.bytes.len();
-                        let last = file.open_end && chunk.index + 1 == file.chunks.len() as u64;
-                        let sound = if ended && (at_end || last) { stop.sound as u64 } else { 0 };
-                        (sound, if ended && last { Some(None) } else { Some(Some(error.to_string())) })
-                    }
-                },
-                Err(panic) => (0, Some(Some(panic))),
+            let mut end = None;
+            let sound = match contain(|| records.decode(raw, layout.len)) {
+                Ok(Ok(())) => n,
+                Ok(Err(stop)) => {
+                    let error = match source_error(stop.error) {
+                        Ok(error) => return Err(error),
+                        Err(error) => error,
+                    };
+                    let cut = error.kind() == io::ErrorKind::UnexpectedEof;
+                    let at_end = chunk.byte_offset + chunk.byte_len == file.bytes.len();
+                    let open_end = file.open_end && chunk.index + 1 == file.chunks.len() as u64;
+                    end = Some(if cut && open_end { Ok(()) } else { Err(error.to_string()) });
+                    if cut && (at_end || open_end) { stop.sound as u64 } else { 0 }
+                }
+                Err(panic) => {
+                    end = Some(Err(panic));
+                    0
+                }
             };
             if next >= wanted.start && sound > 0 {
                 self.raw.truncate(sound as usize * layout.len);
                 self.emit(layout, chunk, next, sink);
             }
             next += sound;
-            match problem {
-                None => {}
-                Some(None) => return Ok(()),
-                Some(Some(reason)) => {
-                    return Err(damage(file, chunk, &wanted, next.saturating_sub(wanted.start), reason));
-                }
+            if let Some(end) = end {
+                let read = next.saturating_sub(wanted.start);
+                return end.map_err(|reason| damage(file, chunk, &wanted, read, reason));
             }
         }
         Ok(())
