@@ -7,6 +7,7 @@ pub mod attribute;
 pub mod command;
 pub mod coords;
 pub mod gpu;
+pub mod load;
 pub mod render;
 pub mod sample;
 pub mod section;
