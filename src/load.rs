@@ -55,7 +55,9 @@ pub enum LoadError {
         most: i64,
     },
     /// Even the coarsest cells do not fit.
-    #[error("the sections do not fit {host} bytes of host and {device} bytes of device memory at any cell size")]
+    #[error(
+        "the sections do not fit {host} bytes of host and {device} bytes of device memory at any cell size"
+    )]
     Budget {
         /// Host budget, bytes.
         host: u64,
@@ -93,6 +95,8 @@ pub struct Problems {
     pub errors: Vec<String>,
     /// One line each; nothing is missing that could be read.
     pub warnings: Vec<String>,
+    /// There were errors.
+    pub failed: bool,
 }
 
 /// The bytes of a picture's grid must be counted in i32 with room to spare.
@@ -102,7 +106,12 @@ fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
     let most = CELL_LIMIT / 4;
     let reach = bounds.max.truncate().abs().max(bounds.min.truncate().abs()).max_element();
     if extent / cell > most as f64 || reach / cell > 9e15 {
-        return Err(LoadError::TooFine { cell, extent: extent.max(reach), cells: extent.max(reach) / cell, most });
+        return Err(LoadError::TooFine {
+            cell,
+            extent: extent.max(reach),
+            cells: extent.max(reach) / cell,
+            most,
+        });
     }
     // A multiple that stays one of a section's side through every coarsening.
     const ANCHOR: f64 = (1 << 24) as f64;
@@ -133,7 +142,11 @@ fn bar(total: u64, quiet: bool) -> ProgressBar {
 }
 
 /// Opens and reads the files that `inputs` name. Problems are added even when this fails.
-pub fn files(inputs: &[OsString], options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
+pub fn files(
+    inputs: &[OsString],
+    options: &LoadOptions,
+    problems: &mut Problems,
+) -> Result<Loaded, LoadError> {
     let found = inputs::expand(inputs);
     problems.errors.extend(found.failed.iter().map(ToString::to_string));
     paths(&found.files, options, problems)
@@ -253,10 +266,8 @@ pub fn demo(options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, Lo
         });
     });
     let summary = sampled.into_inner().unwrap_or_else(|e| e.into_inner()).summary();
-    let bounds = Bounds {
-        min: flat.min.with_z(summary.height.min),
-        max: flat.max.with_z(summary.height.max),
-    };
+    let bounds =
+        Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
     let points = progress.points.into_inner();
     let unit = Some(Unit::metre());
     let about = About {
@@ -284,7 +295,12 @@ struct About {
     cell: f64,
 }
 
-fn finish(bins: Bins, about: About, options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
+fn finish(
+    bins: Bins,
+    about: About,
+    options: &LoadOptions,
+    problems: &mut Problems,
+) -> Result<Loaded, LoadError> {
     let Budget { host_bytes: host, device_bytes: device } = options.budget;
     let binned = bins.finish().ok_or(LoadError::Budget { host, device })?;
     if binned.outside > 0 {

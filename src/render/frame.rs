@@ -16,7 +16,7 @@ use glam::DVec3;
 pub enum Traversal {
     /// Table, pyramid, column.
     Fast,
-    /// Seed of the field: the plain algorithm of the thesis, §3.2.3.
+    /// The plain algorithm of the thesis, §3.2.3.
     Plain,
 }
 
@@ -53,6 +53,8 @@ pub struct View<'a> {
     pub z_scale: f64,
     /// Height that stays where it is, CRS units.
     pub pivot: f64,
+    /// Lit pictures end at this height, CRS units: columns are solid without end, which nobody wants to see.
+    pub floor: f64,
     /// Colour of hits.
     pub colors: &'a ColorTable,
     /// Light.
@@ -117,6 +119,7 @@ struct FrameConstants {
     cell_steps: f32,
     sun: [f32; 3],
     background: u32,
+    floor: f32,
 }
 
 /// Mirrors the push constants of `shaders/frame.glsl`.
@@ -251,13 +254,16 @@ impl Renderer {
             })
         };
         let corners_at = |b: [f64; 4], z: f64| {
-            [(b[0], b[1]), (b[2], b[1]), (b[0], b[3]), (b[2], b[3])].map(|(x, y)| depth_of(DVec3::new(x, y, z)))
+            [(b[0], b[1]), (b[2], b[1]), (b[0], b[3]), (b[2], b[3])]
+                .map(|(x, y)| depth_of(DVec3::new(x, y, z)))
         };
         // Columns are solid without end: the lowest point that a ray of the picture can reach over the data.
         let farthest = boxes().flat_map(|(b, top)| corners_at(b, top)).fold(0.0, f64::max);
         let lowest = corners
             .iter()
-            .map(|&(x, y)| (shown.origin(x, y) + shown.direction(x, y) * farthest).z.min(shown.origin(x, y).z))
+            .map(|&(x, y)| {
+                (shown.origin(x, y) + shown.direction(x, y) * farthest).z.min(shown.origin(x, y).z)
+            })
             .fold(f64::INFINITY, f64::min);
         let nearest = boxes()
             .flat_map(|(b, top)| [corners_at(b, top), corners_at(b, lowest.min(top))].concat())
@@ -384,7 +390,8 @@ impl Renderer {
         let [w, h] = view.size.map(f64::from);
         let cell = self.grid.cell();
         let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, HEIGHT_STEPS_PER_UNIT);
-        let anchor = DVec3::new(self.grid.anchor[0] as f64, self.grid.anchor[1] as f64, f64::from(self.anchor.0));
+        let anchor =
+            DVec3::new(self.grid.anchor[0] as f64, self.grid.anchor[1] as f64, f64::from(self.anchor.0));
         let place = match self.access {
             Access::Address => |b: &Buffer| halves(b.address()),
             Access::StorageBuffer => |_: &Buffer| [0; 2],
@@ -432,12 +439,23 @@ impl Renderer {
                 Background::White => 1,
                 Background::Sky => 2,
             },
+            floor: match view.shade {
+                Shade::None => f32::NEG_INFINITY,
+                Shade::Lit => (view.floor * HEIGHT_STEPS_PER_UNIT - f64::from(self.anchor.0)) as f32,
+            },
         }
     }
 
     /// Channels of the picture: distances and heights in f64 from what the device found.
-    fn finish(&self, view: &View, shown: &RayBasis, rays: &RayBasis, hits: &[Hit], colors: Vec<[f32; 4]>) -> Image {
-        let [width, height] = view.size;
+    fn finish(
+        &self,
+        view: &View,
+        shown: &RayBasis,
+        rays: &RayBasis,
+        hits: &[Hit],
+        colors: Vec<[f32; 4]>,
+    ) -> Image {
+        let [width, _] = view.size;
         let mut image = Image::new(view.size);
         for (at, (hit, color)) in hits.iter().zip(colors).enumerate() {
             image.color[at] = color;
