@@ -588,6 +588,9 @@ fn ground_patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> Vec<
         let mut points: Vec<[f64; 2]> = patch.points.iter().copied().filter(inside).collect();
         let mut known: HashSet<[u64; 2]> = points.iter().map(|p| p.map(f64::to_bits)).collect();
         for (file, chunk) in chunks_near(ground, center, reach, at) {
+            if points.len() as f64 > 0.9 * density * reach * reach {
+                break; // All passes are there.
+            }
             let lidar = &ground.files[file].file;
             let mut seen = Vec::new();
             // A broken chunk is reported when it is drawn; here it only tells less.

@@ -73,8 +73,7 @@ fn sets(data: &Path) -> Vec<(String, Vec<PathBuf>)> {
 #[test]
 fn the_sampled_cell_size_is_that_of_every_point() {
     let Some(data) = data() else { return };
-    let small =
-        Budget { whole: 5_000, places: 4, place_points: 10_000, window_points: 60_000, first_points: 1000 };
+    let small = Budget { whole: 5_000, places: 1, ..Budget::default() };
     let mut differing = [(0, 0); 2];
     for (name, paths) in sets(&data) {
         let files = open(&paths);
@@ -112,5 +111,5 @@ fn the_sampled_cell_size_is_that_of_every_point() {
     }
     let [(usual, of_usual), (small, of_small)] = differing;
     println!("{usual} of {of_usual} differ, with a small budget {small} of {of_small}");
-    assert!(usual * 8 <= of_usual && small * 4 <= of_small);
+    assert!(usual * 5 <= of_usual && small * 4 <= of_small);
 }
