@@ -38,11 +38,13 @@ impl FileBytes {
     pub fn open(path: &Path) -> Result<FileBytes, SourceError> {
         let io_error =
             |what: &str, source| SourceError::Io { path: path.to_owned(), what: what.into(), source };
+        // Asked of the path first: opening a pipe would wait for its writer.
+        let metadata = std::fs::metadata(path).map_err(|e| io_error("cannot open", e))?;
+        if !metadata.is_file() {
+            return Err(io_error("cannot open", io::Error::other("not a regular file")));
+        }
         let file = File::open(path).map_err(|e| io_error("cannot open", e))?;
         let metadata = file.metadata().map_err(|e| io_error("cannot ask its length", e))?;
-        if !metadata.is_file() {
-            return Err(io_error("cannot read", io::Error::other("not a regular file")));
-        }
         Ok(FileBytes {
             path: path.to_owned(),
             len: metadata.len(),

@@ -39,14 +39,17 @@ impl Index {
     }
 }
 
-/// Cuts the records of a LAS file that its length allows for.
-pub(super) fn index_las(header: &FileHeader, file_len: u64, warnings: &mut Vec<Warning>) -> Index {
+/// Cuts the records of a LAS file that there is room for before byte `end`.
+pub(super) fn index_las(header: &FileHeader, end: u64, warnings: &mut Vec<Warning>) -> Index {
     let record_len = u64::from(header.record_len);
-    let room = file_len.saturating_sub(header.offset_to_points) / record_len;
+    let room = end.saturating_sub(header.offset_to_points) / record_len;
     let claimed = header.claimed_points;
-    let readable = claimed.min(room);
+    // A writer that was stopped leaves a count of 0; any other count knows what follows the points.
+    let readable = if claimed == 0 { room } else { claimed.min(room) };
     if readable < claimed {
         warnings.push(Warning::PointsMissing { claimed, readable });
+    } else if readable > claimed {
+        warnings.push(Warning::PointsUnclaimed { claimed, found: room, read: readable });
     }
     let mut index = Index::default();
     for first in (0..readable).step_by(LAS_CHUNK_RECORDS as usize) {
@@ -70,18 +73,13 @@ pub(super) fn index_laz(
         let len = bytes.len().saturating_sub(header.offset_to_points);
         push_stream(&mut index, header, header.offset_to_points, len);
     } else {
-        let (start, record_len) = (header.offset_to_points + 8, u64::from(header.record_len));
+        let record_len = u64::from(header.record_len);
         let table = read_table(bytes, header.offset_to_points, record_len, laszip.chunk_size.is_none())?;
         match laszip.chunk_size {
             None => {
                 for entry in &table.entries {
-                    let (at, records) = (index.end(start), entry.records.unwrap_or(0));
-                    if records > entry.bytes.saturating_mul(RECORDS_PER_BYTE) {
-                        break;
-                    }
-                    if records > 0 {
-                        index.push(at, entry.bytes, records);
-                    }
+                    let most = entry.bytes.saturating_mul(RECORDS_PER_BYTE);
+                    index.push(entry.offset, entry.bytes, entry.records.unwrap_or(0).min(most));
                 }
             }
             Some(size) => push_fixed(bytes, header, size, &table, &mut index)?,
@@ -110,12 +108,8 @@ fn push_fixed(
     table: &Table,
     index: &mut Index,
 ) -> Result<(), SourceError> {
-    let start = header.offset_to_points + 8;
     for (i, entry) in table.entries.iter().enumerate() {
-        if entry.bytes == 0 {
-            continue;
-        }
-        let (at, before) = (index.end(start), index.records());
+        let before = index.records();
         let most = size.min(entry.bytes.saturating_mul(RECORDS_PER_BYTE));
         let last = i + 1 == table.entries.len() && table.broken.is_none();
         let rest = header.claimed_points.saturating_sub(before);
@@ -123,7 +117,7 @@ fn push_fixed(
             _ if !last => most,
             1.. if rest <= most => rest,
             // The header's count cannot be that of these chunks: the last one's own word decides.
-            _ => match ChunkLayers::read(&bytes.handle()?, header, at, entry.bytes)? {
+            _ => match ChunkLayers::read(&bytes.handle()?, header, entry.offset, entry.bytes)? {
                 Ok(layers) if header.format >= 6 => layers.records.min(most),
                 _ => {
                     index.open_end = true;
@@ -131,7 +125,7 @@ fn push_fixed(
                 }
             },
         };
-        index.push(at, entry.bytes, records);
+        index.push(entry.offset, entry.bytes, records);
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 use super::{
     BLOCK_RECORDS, Chunk, FileHeader, LidarFile, OpenFile, PointBlock, SourceError,
     contain::contain,
+    fields::{GpsTime, RgbV1},
     laszip::{Compressor, Laszip},
     layers::ChunkLayers,
     stream::{ByteStream, Splice, source_error},
@@ -178,31 +179,33 @@ impl Decoder {
             let n = run.min(until - next);
             self.raw.resize(n as usize * layout.len, 0);
             let raw = &mut self.raw;
-            let (sound, problem) = match contain(|| records.decode(raw, layout.len)) {
-                Ok(Ok(())) => (n, None),
-                Ok(Err(stop)) => match source_error(stop.error) {
-                    Ok(error) => return Err(error),
-                    Err(error) => {
-                        let ended = error.kind() == io::ErrorKind::UnexpectedEof;
-                        let at_end = chunk.byte_offset + chunk.byte_len == file.bytes.len();
-                        let last = file.open_end && chunk.index + 1 == file.chunks.len() as u64;
-                        let sound = if ended && (at_end || last) { stop.sound as u64 } else { 0 };
-                        (sound, if ended && last { Some(None) } else { Some(Some(error.to_string())) })
-                    }
-                },
-                Err(panic) => (0, Some(Some(panic))),
+            let mut end = None;
+            let sound = match contain(|| records.decode(raw, layout.len)) {
+                Ok(Ok(())) => n,
+                Ok(Err(stop)) => {
+                    let error = match source_error(stop.error) {
+                        Ok(error) => return Err(error),
+                        Err(error) => error,
+                    };
+                    let cut = error.kind() == io::ErrorKind::UnexpectedEof;
+                    let at_end = chunk.byte_offset + chunk.byte_len == file.bytes.len();
+                    let open_end = file.open_end && chunk.index + 1 == file.chunks.len() as u64;
+                    end = Some(if cut && open_end { Ok(()) } else { Err(error.to_string()) });
+                    if cut && (at_end || open_end) { stop.sound as u64 } else { 0 }
+                }
+                Err(panic) => {
+                    end = Some(Err(panic));
+                    0
+                }
             };
             if next >= wanted.start && sound > 0 {
                 self.raw.truncate(sound as usize * layout.len);
                 self.emit(layout, chunk, next, sink);
             }
             next += sound;
-            match problem {
-                None => {}
-                Some(None) => return Ok(()),
-                Some(Some(reason)) => {
-                    return Err(damage(file, chunk, &wanted, next.saturating_sub(wanted.start), reason));
-                }
+            if let Some(end) = end {
+                let read = next.saturating_sub(wanted.start);
+                return end.map_err(|reason| damage(file, chunk, &wanted, read, reason));
             }
         }
         Ok(())
@@ -260,15 +263,15 @@ impl<'f, 'i> Sequential<'f, 'i> {
 
     /// `items` have been checked to be of versions 1 and 2 and of these types.
     fn add_fields(&mut self) {
-        use LazItemType::*;
+        use LazItemType::{Byte, Point10, RGB12, WavePacket13};
         let to = &mut self.inner;
         for item in self.items {
             match (item.item_type(), item.version()) {
                 (Point10, 1) => to.add_field_decompressor(v1::LasPoint0Decompressor::default()),
                 (Point10, _) => to.add_field_decompressor(v2::LasPoint0Decompressor::default()),
-                (GpsTime, 1) => to.add_field_decompressor(v1::LasGpsTimeDecompressor::default()),
-                (GpsTime, _) => to.add_field_decompressor(v2::GpsTimeDecompressor::default()),
-                (RGB12, 1) => to.add_field_decompressor(v1::LasRGBDecompressor::default()),
+                (LazItemType::GpsTime, 1) => to.add_field_decompressor(v1::LasGpsTimeDecompressor::default()),
+                (LazItemType::GpsTime, _) => to.add_field_decompressor(GpsTime::default()),
+                (RGB12, 1) => to.add_field_decompressor(RgbV1::default()),
                 (RGB12, _) => to.add_field_decompressor(v2::LasRGBDecompressor::default()),
                 (WavePacket13, _) => to.add_field_decompressor(v1::LasWavepacketDecompressor::default()),
                 (Byte(n), 1) => to.add_field_decompressor(v1::LasExtraByteDecompressor::new(n.into())),

@@ -126,12 +126,6 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
         let reason = format!("points cannot begin inside a header of {need} bytes");
         return Err(bad(96, "offset to point data", offset_to_points.to_string(), &reason));
     }
-    if raw.header_size < need {
-        warnings.push(Warning::HeaderSize { claimed: raw.header_size, major, minor, need });
-    }
-
-    let (min, max) =
-        (DVec3::new(raw.min_x, raw.min_y, raw.min_z), DVec3::new(raw.max_x, raw.max_y, raw.max_z));
     let legacy = raw.number_of_point_records;
     let claimed_points = match raw.large_file {
         // LAS 1.4 R15, 2.4: where the two differ, a reader takes the 32-bit count unless it is 0.
@@ -143,6 +137,16 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
         Some(large) => large.number_of_point_records,
         None => u64::from(legacy),
     };
+    if claimed_points > 0 && offset_to_points > bytes.len() {
+        let reason = format!("the file ends at {}", bytes.len());
+        return Err(bad(96, "offset to point data", offset_to_points.to_string(), &reason));
+    }
+    if raw.header_size < need {
+        warnings.push(Warning::HeaderSize { claimed: raw.header_size, major, minor, need });
+    }
+
+    let (min, max) =
+        (DVec3::new(raw.min_x, raw.min_y, raw.min_z), DVec3::new(raw.max_x, raw.max_y, raw.max_z));
     if claimed_points > 0 && !(min.is_finite() && max.is_finite() && min.cmple(max).all()) {
         warnings.push(Warning::Bounds);
     }

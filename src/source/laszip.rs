@@ -6,7 +6,7 @@ use super::{
 use laz::{
     LazItem, LazItemType, LazVlr, decoders::ArithmeticDecoder, decompressors::IntegerDecompressorBuilder,
 };
-use std::io;
+use std::{io, ops::Range};
 
 /// How the points of a LAZ file are compressed; every item checked against the point format.
 #[derive(Clone, Debug)]
@@ -113,6 +113,8 @@ fn check_items(items: &[LazItem], header: &FileHeader, compressor: Compressor) -
 /// One entry of a chunk table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct TableEntry {
+    /// First byte of the chunk.
+    pub offset: u64,
     /// Records in the chunk; `None` where the LASzip record says how many.
     pub records: Option<u64>,
     /// Bytes in the chunk.
@@ -126,7 +128,7 @@ pub(super) struct Table {
     pub offset: u64,
     /// First byte behind the chunks.
     pub data_end: u64,
-    /// Entries whose chunks lie one behind the other within the data.
+    /// Entries of chunks that hold points; they lie one behind the other within the data.
     pub entries: Vec<TableEntry>,
     /// Why there are no more entries, where there should be.
     pub broken: Option<String>,
@@ -182,7 +184,7 @@ pub(super) fn read_table(
         return Ok(table);
     }
     let stream = ByteStream::new(file, Vec::new(), start + 8..bytes.len());
-    let room = start - data;
+    let room = data..start;
     let entries = &mut table.entries;
     table.broken = match contain(|| decode_entries(stream, count, room, record_len, with_counts, entries)) {
         Ok(Ok(())) => None,
@@ -194,7 +196,7 @@ pub(super) fn read_table(
 fn decode_entries(
     stream: ByteStream,
     count: u64,
-    room: u64,
+    room: Range<u64>,
     record_len: u64,
     with_counts: bool,
     entries: &mut Vec<TableEntry>,
@@ -203,28 +205,25 @@ fn decode_entries(
     let mut decoder = ArithmeticDecoder::new(stream);
     let ended = |i: u64| move |e: io::Error| format!("entry {i} of {count}: {e}");
     decoder.read_init_bytes().map_err(ended(0))?;
-    let (mut records, mut bytes, mut used) = (0, 0, 0);
+    let (mut records, mut bytes, mut offset) = (0, 0, room.start);
     for i in 0..count {
         if with_counts {
             records = ints.decompress(&mut decoder, records, 0).map_err(ended(i))?;
         }
         bytes = ints.decompress(&mut decoder, bytes, 1).map_err(ended(i))?;
-        let entry =
-            TableEntry { records: with_counts.then_some(records as u32 as u64), bytes: bytes as u32 as u64 };
-        let empty = entry.bytes == 0 && entry.records.unwrap_or(0) == 0;
-        used += entry.bytes;
-        if used > room {
-            return Err(format!(
-                "chunk {i} of {count} has {} bytes, {} remain",
-                entry.bytes,
-                room + entry.bytes - used
-            ));
+        let (len, records) = (u64::from(bytes as u32), with_counts.then_some(u64::from(records as u32)));
+        if len > room.end - offset {
+            return Err(format!("chunk {i} of {count} has {len} bytes, {} remain", room.end - offset));
         }
-        if !empty && (entry.bytes < record_len || entry.records == Some(0)) {
-            let records = entry.records.map_or(String::new(), |r| format!("{r} points in "));
-            return Err(format!("chunk {i} of {count} has {records}{} bytes", entry.bytes));
+        // Writers leave empty chunks behind: the last one, or those with a count of 0.
+        let empty = records == Some(0) || (records.is_none() && i + 1 == count && len < record_len);
+        if !empty {
+            if len < record_len {
+                return Err(format!("chunk {i} of {count} has {len} bytes, a record has {record_len}"));
+            }
+            entries.push(TableEntry { offset, records, bytes: len });
         }
-        entries.push(entry);
+        offset += len;
     }
     Ok(())
 }

@@ -12,6 +12,7 @@ mod copc;
 pub mod crs;
 mod decode;
 mod error;
+mod fields;
 mod header;
 pub mod inputs;
 mod laszip;
@@ -115,7 +116,7 @@ pub struct LidarFile {
 }
 
 impl LidarFile {
-    /// Opens `path`, checks it and indexes its chunks; reads no points.
+    /// Opens `path`, checks it and indexes its chunks; reads no points, and closes the file again.
     pub fn open(path: &Path) -> Result<LidarFile, SourceError> {
         let bytes = FileBytes::open(path)?;
         let mut warnings = Vec::new();
@@ -146,12 +147,16 @@ impl LidarFile {
             open_end: false,
         };
         file.index_chunks()?;
+        file.bytes.release();
         Ok(file)
     }
 
     fn index_chunks(&mut self) -> Result<(), SourceError> {
         if !self.header.compressed {
-            self.chunks = chunks::index_las(&self.header, self.bytes.len(), &mut self.warnings).chunks;
+            // Records may not run into an extended record that was found behind them.
+            let first_evlr = self.vlrs.iter().find(|v| v.extended).map(|v| v.offset - vlr::EVLR_HEADER);
+            let end = first_evlr.filter(|&e| e >= self.header.offset_to_points).unwrap_or(self.bytes.len());
+            self.chunks = chunks::index_las(&self.header, end, &mut self.warnings).chunks;
             return Ok(());
         }
         let laszip = laszip::Laszip::read(&self.bytes, &self.vlrs, &self.header)?;

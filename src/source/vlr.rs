@@ -5,8 +5,10 @@ use super::{FileBytes, SourceError, Warning};
 /// Most records that are indexed in a file: real files carry a few dozen.
 const MAX_RECORDS: u64 = 65_536;
 
+/// Bytes in front of a record's payload.
 const VLR_HEADER: u64 = 54;
-const EVLR_HEADER: u64 = 60;
+/// Bytes in front of an extended record's payload.
+pub(super) const EVLR_HEADER: u64 = 60;
 
 /// Where a variable length record lies; its payload is read when asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
