@@ -3,7 +3,13 @@
 //! Data moves one way: `source` (files, chunks) → `section` (points to columns) →
 //! `stream` (pool, transfer) → `render` (traversal, image). Imports run downward only.
 
+pub mod attribute;
+pub mod command;
 pub mod coords;
 pub mod gpu;
+pub mod render;
 pub mod sample;
+pub mod section;
 pub mod source;
+pub mod stream;
+pub mod synth;

@@ -3,9 +3,9 @@
 //! Two thousand cases by default; `LASRAY_FUZZ_SECONDS=3600` goes on for that long. The file of the case
 //! under way lies in `target/tmp/fuzz_source`, so that one which takes the process down is still there.
 
-mod common;
+mod made;
 
-use common::{Made, Packing, data_dir, las_crate_files, lidar_files};
+use made::{Made, Packing, data_dir, las_crate_files, lidar_files};
 use lasray::source::{Decoder, LidarFile, PointBlock};
 use peak_alloc::PeakAlloc;
 use proptest::{

@@ -1,8 +1,8 @@
 //! Files made in memory, in every format and packing: what comes out is what went in.
 
-mod common;
+mod made;
 
-use common::{Made, Packing, append, columns, decode_all};
+use made::{Made, Packing, append, columns, decode_all};
 use lasray::source::{Decoder, LidarFile, PointBlock, SourceError, Warning};
 use std::path::PathBuf;
 
@@ -412,8 +412,8 @@ fn the_las_writer_is_understood() {
             let header = builder.into_header().unwrap();
             let dir = tempfile::tempdir().unwrap();
             let path = dir.path().join(if compressed { "w.laz" } else { "w.las" });
-            let len = usize::from(common::FORMAT_LEN[usize::from(format)]);
-            let raw = common::records(format, 0, 60_000);
+            let len = usize::from(made::FORMAT_LEN[usize::from(format)]);
+            let raw = made::records(format, 0, 60_000);
             let points =
                 las::PointDataBuilder::new().for_header(&header).build_from_bytes(raw.clone()).unwrap();
             let mut writer = las::Writer::from_path(&path, header).unwrap();

@@ -1,8 +1,8 @@
 //! Real files: the points are those that the `las` crate reads, and bad files give what can be had.
 
-mod common;
+mod made;
 
-use common::{append, columns, data_dir, decode_all, las_crate_files, lidar_files};
+use made::{append, columns, data_dir, decode_all, las_crate_files, lidar_files};
 use lasray::source::{Decoder, LidarFile, PointBlock};
 use std::path::Path;
 

@@ -1,0 +1,120 @@
+//! Compiles `shaders/*.comp` (and those of the tests) into SPIR-V words that the crate includes.
+//!
+//! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
+//! an `#ifdef POOL_SSBO`, itself or in an include, is compiled twice: as `NAME`, and as `NAME_SSBO` with it.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs, process};
+
+fn main() {
+    println!("cargo::rerun-if-changed=build.rs");
+    let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    // The tests' own shaders are in a module of their own, so that the library does not carry them.
+    for (folder, module) in [("shaders", "shaders.rs"), ("tests/shaders", "test_shaders.rs")] {
+        println!("cargo::rerun-if-changed={folder}");
+        let text = compile_folder(Path::new(folder), &out).unwrap_or_else(|message| fail(&message));
+        fs::write(out.join(module), text).unwrap_or_else(|e| fail(&format!("{module}: {e}")));
+    }
+}
+
+fn fail(message: &str) -> ! {
+    // One cargo line holds one line of text.
+    for line in message.lines() {
+        println!("cargo::error={line}");
+    }
+    process::exit(1);
+}
+
+/// Every `.comp` file of `folder` as Rust source: `pub static NAME: &[u32]`.
+fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
+    let mut sources: Vec<PathBuf> = match fs::read_dir(folder) {
+        Ok(entries) => entries.flatten().map(|e| e.path()).collect(),
+        Err(_) => Vec::new(), // a published package has no tests
+    };
+    sources.retain(|p| p.extension().is_some_and(|e| e == "comp"));
+    sources.sort();
+    let mut text = String::new();
+    for source in &sources {
+        let stem = source.file_stem().and_then(|s| s.to_str()).ok_or("a shader's name is not UTF-8")?;
+        let mut variants = vec![(stem.to_uppercase(), None)];
+        if has_ssbo_variant(source, 0)? {
+            variants.push((format!("{}_SSBO", stem.to_uppercase()), Some("POOL_SSBO")));
+        }
+        for (name, define) in variants {
+            let words = compile(source, define, out)?;
+            let shown = source.display();
+            let with = define.map(|d| format!(" with `{d}` defined")).unwrap_or_default();
+            let _ = writeln!(text, "/// `{shown}`{with}.\npub static {name}: &[u32] = &{words:?};");
+        }
+    }
+    Ok(text)
+}
+
+/// Whether `source` has a second variant: whether it, or what it includes, asks for `POOL_SSBO`.
+fn has_ssbo_variant(source: &Path, depth: u32) -> Result<bool, String> {
+    let text = fs::read_to_string(source).map_err(|e| format!("{}: {e}", source.display()))?;
+    for line in text.lines().map(str::trim_start).filter(|line| line.starts_with('#')) {
+        if line.contains("POOL_SSBO") {
+            return Ok(true);
+        }
+        let Some(name) = line.strip_prefix("#include").and_then(|l| l.split('"').nth(1)) else { continue };
+        let beside = source.parent().unwrap_or(Path::new("")).join(name);
+        let file = [beside, Path::new("shaders").join(name)].into_iter().find(|p| p.is_file());
+        if let Some(file) = file
+            && depth < 16
+            && has_ssbo_variant(&file, depth + 1)?
+        {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
+#[cfg(not(feature = "shaderc"))]
+fn compile(source: &Path, define: Option<&str>, out: &Path) -> Result<Vec<u32>, String> {
+    let spirv = out.join("shader.spv");
+    let mut command = process::Command::new("glslc");
+    command.args(["--target-env=vulkan1.3", "-O", "-Werror", "-I", "shaders", "-o"]).arg(&spirv).arg(source);
+    if let Some(define) = define {
+        command.arg(format!("-D{define}"));
+    }
+    let run = command.output().map_err(|e| {
+        format!(
+            "cannot run glslc ({e}): install the package `glslc` (Debian, Ubuntu), `shaderc` (Fedora, Arch, \
+             Homebrew) or the Vulkan SDK (https://vulkan.lunarg.com), or build with `--features shaderc`"
+        )
+    })?;
+    if !run.status.success() {
+        return Err(format!("{}:\n{}", source.display(), String::from_utf8_lossy(&run.stderr)));
+    }
+    let bytes = fs::read(&spirv).map_err(|e| format!("{}: {e}", spirv.display()))?;
+    Ok(bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect())
+}
+
+#[cfg(feature = "shaderc")]
+fn compile(source: &Path, define: Option<&str>, _out: &Path) -> Result<Vec<u32>, String> {
+    use shaderc::{
+        CompileOptions, Compiler, EnvVersion, OptimizationLevel, ResolvedInclude, ShaderKind, TargetEnv,
+    };
+    let text = fs::read_to_string(source).map_err(|e| format!("{}: {e}", source.display()))?;
+    let compiler = Compiler::new().map_err(|e| format!("shaderc: {e}"))?;
+    let mut options = CompileOptions::new().map_err(|e| format!("shaderc: {e}"))?;
+    options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
+    options.set_optimization_level(OptimizationLevel::Performance);
+    options.set_warnings_as_errors();
+    if let Some(define) = define {
+        options.add_macro_definition(define, None);
+    }
+    options.set_include_callback(|name, _, from, _| {
+        let beside = Path::new(from).parent().unwrap_or(Path::new("")).join(name);
+        let path = if beside.is_file() { beside } else { Path::new("shaders").join(name) };
+        let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        Ok(ResolvedInclude { resolved_name: path.to_string_lossy().into_owned(), content })
+    });
+    let name = source.to_string_lossy();
+    compiler
+        .compile_into_spirv(&text, ShaderKind::Compute, &name, "main", Some(&options))
+        .map(|artifact| artifact.as_binary().to_vec())
+        .map_err(|e| e.to_string())
+}

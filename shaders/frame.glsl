@@ -1,0 +1,146 @@
+// What a frame's passes share: the frame's constants, the section table, the hit records, the rays.
+// Needs pool.glsl.
+
+// The camera as the host gives it, ready for rays: origins are linear in the pixel and lie on a plane just
+// before the data; they are 32.32 fixed point, so that they are exact wherever the data is.
+struct Frame {
+    uvec2 table;      // place of the section table
+    uvec2 hits;       // place of the hit records, 4 words a pixel
+    uvec2 colors;     // place of the summed colours, 4 floats a pixel
+    uvec2 ramp;       // place of 256 colours, sRGB
+    uint table_mask;  // slots of the table - 1
+    int top_level;    // log2 cells of the side of the table's coarsest nodes
+    ivec2 low, high;  // what they cover, cells; high is exclusive
+    uint width, height;
+    ivec3 origin_int; // origin at the image's top left corner: cells east, cells north, lattice steps up
+    uvec3 origin_fraction;
+    ivec3 right_int; // per sixteenth of a pixel to the right
+    uvec3 right_fraction;
+    ivec3 down_int; // per sixteenth of a pixel down
+    uvec3 down_fraction;
+    vec3 forward;  // direction through the image's centre, display space
+    vec3 right;    // its change per sixteenth of a pixel to the right
+    vec3 down;     // and down
+    vec3 to_local; // world units to cells, cells, lattice steps (the last holds the exaggeration)
+    int height_anchor; // lattice height of local height 0
+    uint shade;        // 0: exact, 1: lit
+    uint color_source; // 0 rgb, 1 height, 2 class, 3 intensity, 4 returns
+    uint range_low;    // value of ramp entry 0; heights biased by 2^31
+    float range_scale; // entries a step of the value
+    float cell_steps;  // lattice steps in one cell side, exaggeration included: slopes
+    vec3 sun;          // towards the sun
+    uint background;   // 0 none, 1 white, 2 sky
+};
+
+// One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).
+struct Node {
+    ivec2 index;  // node index at its level
+    uint meta;    // level | USED | SECTION | wide << 10 | shift << 12 | detail level << 16
+    float top;    // highest thing below, lattice steps from the anchor, rounded up
+    uvec2 place;  // of the section's payload
+    int base;     // lattice height of code 0, from the anchor
+    uint pyramid; // word of the payload at which its pyramid starts
+};
+const uint NODE_USED = 0x100u;
+const uint NODE_SECTION = 0x200u;
+const uint NODE_WIDE = 0x400u;
+
+#ifdef POOL_SSBO
+layout(set = 0, binding = 1, scalar) readonly buffer Table { Node nodes[]; };
+layout(set = 0, binding = 2, scalar) readonly buffer FrameBlock { Frame frame; };
+layout(set = 0, binding = 3, scalar) buffer Hits { uvec4 hits[]; };
+layout(set = 0, binding = 4, scalar) buffer Colors { vec4 colors[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Ramp { vec4 ramp[]; };
+#define FRAME frame
+#define NODE nodes
+#define HIT hits
+#define COLOR colors
+#define RAMP ramp
+layout(push_constant, scalar) uniform Push {
+    uvec2 frame;
+#else
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Table { Node nodes[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer FrameBlock { Frame frame; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Hits { uvec4 hits[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Colors { vec4 colors[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ramp { vec4 ramp[]; };
+#define FRAME FrameBlock(push.frame).frame
+#define NODE Table(FRAME.table).nodes
+#define HIT Hits(FRAME.hits).hits
+#define COLOR Colors(FRAME.colors).colors
+#define RAMP Ramp(FRAME.ramp).ramp
+layout(push_constant, scalar) uniform Push {
+    uvec2 frame;
+#endif
+    ivec2 sample_at; // of this pass's sample in the pixel, sixteenths from its top left corner
+    uint sample_index;
+    float sample_weight; // 1 / samples
+} push;
+
+// t beyond which a ray has left everything; an axis along which it does not move is crossed later than that.
+const float FAR = 1e15;
+
+const uint NO_NODE = 0xFFFFFFFFu;
+
+// Slot of the node `index` of `level`, or NO_NODE.
+uint find_node(uint level, ivec2 index) {
+    uint h = uint(index.x) * 0x9E3779B1u ^ uint(index.y) * 0x85EBCA77u ^ level * 0xC2B2AE3Du;
+    h = (h ^ h >> 15u) * 0x2C1B3C6Du;
+    uint mask = FRAME.table_mask;
+    for (uint slot = (h ^ h >> 13u) & mask;; slot = (slot + 1u) & mask) {
+        uint meta = NODE[slot].meta;
+        if ((meta & NODE_USED) == 0u) return NO_NODE;
+        if ((meta & 0xFFu) == level && NODE[slot].index == index) return slot;
+    }
+}
+
+// A hit record: x is t (world units from the ray's origin, as float bits), y the table slot or NO_NODE for a
+// miss, z the column (y << 8 | x) and the face << 16, w the column's top (lattice steps from the anchor, int bits).
+const uint FACE_TOP = 0u;
+const uint FACE_WEST = 1u; // the ray went through the column's west side, going east
+const uint FACE_EAST = 2u;
+const uint FACE_SOUTH = 3u;
+const uint FACE_NORTH = 4u;
+const uint FACE_INSIDE = 5u; // the eye is in the column
+
+struct Ray {
+    ivec3 cell;    // integer part of the origin: cells, cells, lattice steps
+    vec3 fraction; // and what is left, 0..1
+    vec3 step;     // direction: cells, cells, lattice steps in one world unit
+    vec3 world;    // unit direction in display space
+};
+
+// `integer:fraction` times n, 32.32 two's complement.
+void scaled(int integer, uint fraction, uint n, out int result_int, out uint result_fraction) {
+    uint high;
+    umulExtended(fraction, n, high, result_fraction);
+    result_int = int(uint(integer) * n + high);
+}
+
+void add(inout int integer, inout uint fraction, int other_int, uint other_fraction) {
+    uint carry;
+    fraction = uaddCarry(fraction, other_fraction, carry);
+    integer += other_int + int(carry);
+}
+
+// The ray through the point `at` of the image, sixteenths of a pixel from the top left corner.
+Ray ray_at(uvec2 at) {
+    Ray ray;
+    for (int axis = 0; axis < 3; axis++) {
+        int integer = FRAME.origin_int[axis];
+        uint fraction = FRAME.origin_fraction[axis];
+        int part_int;
+        uint part_fraction;
+        scaled(FRAME.right_int[axis], FRAME.right_fraction[axis], at.x, part_int, part_fraction);
+        add(integer, fraction, part_int, part_fraction);
+        scaled(FRAME.down_int[axis], FRAME.down_fraction[axis], at.y, part_int, part_fraction);
+        add(integer, fraction, part_int, part_fraction);
+        ray.cell[axis] = integer;
+        // Down to 24 bits before the conversion, so that it cannot round up to 1.
+        ray.fraction[axis] = float(fraction >> 8u) * 5.9604644775390625e-8;
+    }
+    vec2 from_centre = vec2(at) - 8.0 * vec2(FRAME.width, FRAME.height);
+    ray.world = normalize(FRAME.forward + from_centre.x * FRAME.right + from_centre.y * FRAME.down);
+    ray.step = ray.world * FRAME.to_local;
+    return ray;
+}

@@ -1,0 +1,104 @@
+// The plain traversal of the thesis (§3.2.3, after Dick, Krüger and Westermann 2009): the ray is mirrored so
+// that it goes east and north, and moves from node border to node border; down a level at an intersection, up
+// a level when it leaves a 2x2 square. It knows nothing of what lies above a section's coarsest level. Writes
+// the same hit records as trace.comp.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "pool.glsl"
+#include "section.glsl"
+#include "frame.glsl"
+
+layout(local_size_x_id = 0, local_size_y_id = 1) in;
+
+uvec4 trace(Ray ray) {
+    uvec4 hit = uvec4(0u, NO_NODE, 0u, 0u);
+
+    // 1a. Only step.xy >= 0 is handled: other rays are mirrored, and cells with them (i becomes -1 - i).
+    ivec2 mirror = ivec2(lessThan(ray.step.xy, vec2(0.0)));
+    vec2 direction = abs(ray.step.xy);
+    vec2 inverse = mix(1.0 / direction, vec2(1e30), lessThan(direction, vec2(1e-20)));
+    ivec2 cell = ray.cell.xy ^ -mirror;
+    vec2 fraction = mix(ray.fraction.xy, 1.0 - ray.fraction.xy, equal(mirror, ivec2(1)));
+    ivec2 low = mix(FRAME.low, -FRAME.high, equal(mirror, ivec2(1)));
+    ivec2 high = mix(FRAME.high, -FRAME.low, equal(mirror, ivec2(1)));
+    uint face = FACE_INSIDE;
+    float t = 0.0;
+    float z0 = float(ray.cell.z) + ray.fraction.z;
+
+    // To the border of what there is.
+    vec2 ahead = max((vec2(low - cell) - fraction) * inverse, vec2(0.0));
+    int first = ahead.x >= ahead.y ? 0 : 1;
+    if (ahead[first] > FAR) return hit;
+    if (ahead[first] > 0.0) {
+        t = ahead[first];
+        int other = 1 - first;
+        float across = fma(t, direction[other], fraction[other]);
+        cell[first] = low[first];
+        fraction[first] = 0.0;
+        cell[other] = max(cell[other] + int(floor(across)), low[other]);
+        fraction[other] = across - floor(across);
+        face = (first == 0 ? FACE_WEST : FACE_SOUTH) + uint(mirror[first]);
+    }
+
+    const int top_level = int(SECTION_LOG2);
+    int level = top_level;
+    while (all(greaterThanEqual(cell, low)) && all(lessThan(cell, high))) {
+        // 2a. Exit point: the nearer of the two borders, set exactly.
+        ivec2 edge = (cell >> level) + 1;
+        vec2 steps = (vec2((edge << level) - cell) - fraction) * inverse;
+        int axis = steps.x <= steps.y ? 0 : 1, other = 1 - axis;
+        float t_exit = t + steps[axis];
+
+        // 2b. Intersection.
+        ivec2 real = cell ^ -mirror;
+        float enter = fma(t, ray.step.z, z0), leave = fma(t_exit, ray.step.z, z0);
+        bool intersects = false;
+        int top = 0;
+        uint slot = find_node(SECTION_LOG2, real >> top_level);
+        uvec2 node = uvec2(real >> level) & ((SECTION_SIDE >> level) - 1u);
+        if (slot != NO_NODE) {
+            uint meta = NODE[slot].meta;
+            uint element = pyramid_offset(uint(level)) + node.y * (SECTION_SIDE >> level) + node.x;
+            uint code = load_code(NODE[slot].place, NODE[slot].pyramid, element, (meta & NODE_WIDE) != 0u);
+            top = NODE[slot].base + int(code << (meta >> 12u & 0xFu));
+            intersects = code != 0u && (ray.step.z >= 0.0 ? enter : leave) <= float(top);
+        }
+
+        // 2c. Down a level, or the column itself.
+        if (intersects) {
+            if (level > 0) {
+                level--;
+                continue;
+            }
+            float t_hit = t;
+            if (enter > float(top)) {
+                t_hit = clamp((float(top - ray.cell.z) - ray.fraction.z) / ray.step.z, t, t_exit);
+                face = FACE_TOP;
+            }
+            return uvec4(floatBitsToUint(t_hit), slot, node.y << SECTION_LOG2 | node.x | face << 16u, uint(top));
+        }
+
+        // 2d. On to the exit; up a level where a 2x2 square ends.
+        if (t_exit > FAR) break;
+        t = t_exit;
+        float across = fma(steps[axis], direction[other], fraction[other]);
+        ivec2 last = (cell >> level) + 1 << level;
+        fraction[other] = across - floor(across);
+        cell[other] = cell[other] + int(floor(across));
+        if (cell[other] >= last[other]) { // rounded past the node's corner
+            cell[other] = last[other] - 1;
+            fraction[other] = 0.99999994;
+        }
+        cell[axis] = edge[axis] << level;
+        fraction[axis] = 0.0;
+        face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(mirror[axis]);
+        level = min(level + 1 - (edge[axis] & 1), top_level);
+    }
+    return hit;
+}
+
+void main() {
+    uvec2 pixel = gl_GlobalInvocationID.xy;
+    if (pixel.x >= FRAME.width || pixel.y >= FRAME.height) return;
+    HIT[pixel.y * FRAME.width + pixel.x] = trace(ray_at(pixel * 16u + uvec2(push.sample_at)));
+}

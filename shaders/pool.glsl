@@ -1,0 +1,22 @@
+// Access to the pool and to the frame's buffers: by device address (shipped), or through storage buffers
+// (POOL_SSBO: one page of at most 128 MiB, seen by synchronization validation). A payload's place is a uvec2:
+// its address, or in x the word at which it starts.
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+
+#ifdef POOL_SSBO
+
+layout(set = 0, binding = 0, scalar) buffer PoolWords { uint pool_words[]; };
+
+uint pool_load(uvec2 place, uint word) { return pool_words[place.x + word]; }
+void pool_store(uvec2 place, uint word, uint value) { pool_words[place.x + word] = value; }
+
+#else
+
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint w[]; };
+
+uint pool_load(uvec2 place, uint word) { return Words(place).w[word]; }
+void pool_store(uvec2 place, uint word, uint value) { Words(place).w[word] = value; }
+
+#endif

@@ -1,0 +1,178 @@
+// Colour of each pixel's hit: attribute to colour, light, sum over samples; leaves the channels of an exact
+// image in the hit record. Reads hit records, the table, payloads and the ramp; adds to the colour sums.
+//
+// Light: a sun from the north-west as on maps, a sky dimmed by what stands around (its horizon in eight
+// directions), sides by their own direction, tops by the slope that fits their neighbours.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "pool.glsl"
+#include "section.glsl"
+#include "frame.glsl"
+
+layout(local_size_x_id = 0, local_size_y_id = 1) in;
+
+const uint ORIGIN_MEASURED = 0u;
+const uint ORIGIN_BRIDGED = 1u;
+
+vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055, vec3(2.4)), greaterThan(srgb, vec3(0.04045))); }
+
+vec3 bytes(uint packed_bytes) { return vec3(packed_bytes & 0xFFu, packed_bytes >> 8u & 0xFFu, packed_bytes >> 16u & 0xFFu) / 255.0; }
+
+// The section that the last look-up was in: neighbours are nearly always in the same one.
+struct Here {
+    ivec2 section;
+    uint slot;
+    uint level; // log2 cells of its side
+};
+
+void go_to(inout Here here, ivec2 column) {
+    ivec2 section = column >> int(SECTION_LOG2);
+    if (section == here.section) return;
+    here.section = section;
+    here.slot = find_node(here.level, section);
+}
+
+// Top of `column` (cells of this detail level), lattice steps from the anchor; false where there is none.
+bool top_at(inout Here here, ivec2 column, out float top) {
+    go_to(here, column);
+    if (here.slot == NO_NODE) return false;
+    uint meta = NODE[here.slot].meta;
+    uvec2 inner = uvec2(column) & (SECTION_SIDE - 1u);
+    uint code = load_code(NODE[here.slot].place, NODE[here.slot].pyramid, inner.y * SECTION_SIDE + inner.x, (meta & NODE_WIDE) != 0u);
+    top = float(NODE[here.slot].base + int(code << (meta >> 12u & 0xFu)));
+    return code != 0u;
+}
+
+// Slope of the surface around a column (steps up per cell east and north): least squares over the 24 columns
+// around, those on another surface (a roof beside a street) counting little.
+vec2 slope_at(inout Here here, ivec2 column, float top, float cell_steps) {
+    // Normal equations of h = a x + b y through the column's own top.
+    float xx = 0.05, xy = 0.0, yy = 0.05;
+    vec2 xh = vec2(0.0);
+    for (int y = -2; y <= 2; y++) {
+        for (int x = -2; x <= 2; x++) {
+            float other;
+            if ((x == 0 && y == 0) || !top_at(here, column + ivec2(x, y), other)) continue;
+            float d2 = float(x * x + y * y);
+            float rise = (other - top) / cell_steps;
+            float excess = rise * rise / d2; // squared slope
+            float weight = 1.0 / (d2 * (1.0 + excess * excess));
+            xx += weight * float(x * x);
+            xy += weight * float(x * y);
+            yy += weight * float(y * y);
+            xh += weight * rise * vec2(x, y);
+        }
+    }
+    return vec2(yy * xh.x - xy * xh.y, xx * xh.y - xy * xh.x) / (xx * yy - xy * xy);
+}
+
+// Share of the sky seen from height `z` over `column`, in directions with a part along `outward` (0: all).
+float sky_at(inout Here here, ivec2 column, float z, vec2 outward, float cell_steps) {
+    const ivec2 directions[8] = ivec2[](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1), ivec2(-1, 0), ivec2(-1, -1), ivec2(0, -1), ivec2(1, -1));
+    const int reach[5] = int[](1, 2, 4, 7, 12);
+    float seen = 0.0, all_ways = 0.0;
+    for (int d = 0; d < 8; d++) {
+        if (dot(vec2(directions[d]), outward) < 0.0) continue;
+        float unit = cell_steps * length(vec2(directions[d]));
+        float horizon = 0.0; // tangent
+        for (int r = 0; r < 5; r++) {
+            float other;
+            if (top_at(here, column + directions[d] * reach[r], other))
+                horizon = max(horizon, (other - z) / (unit * float(reach[r])) - 0.08);
+        }
+        seen += 1.0 / (1.0 + horizon * horizon); // cosine-weighted: cos² of the horizon's elevation
+        all_ways += 1.0;
+    }
+    return seen / max(all_ways, 1.0);
+}
+
+vec3 sky(vec3 direction) {
+    // A bright haze at the horizon, soft blue above, quiet grey below.
+    float up = direction.z;
+    vec3 above = mix(vec3(0.80, 0.87, 0.94), vec3(0.30, 0.49, 0.76), smoothstep(0.0, 0.7, up));
+    vec3 below = mix(vec3(0.74, 0.79, 0.84), vec3(0.50, 0.54, 0.58), smoothstep(0.0, 0.6, -up));
+    return up >= 0.0 ? above : below;
+}
+
+void main() {
+    uvec2 pixel = gl_GlobalInvocationID.xy;
+    if (pixel.x >= FRAME.width || pixel.y >= FRAME.height) return;
+    uint at = pixel.y * FRAME.width + pixel.x;
+    uvec4 hit = HIT[at];
+    Ray ray = ray_at(pixel * 16u + uvec2(push.sample_at));
+
+    vec4 color = vec4(0.0);
+    uint bits = 256u; // class 256: a miss
+    if (hit.y == NO_NODE) {
+        if (FRAME.background == 1u) color = vec4(1.0);
+        if (FRAME.background == 2u) color = vec4(linear_of(sky(ray.world)), 1.0);
+        color.a = FRAME.background == 0u ? 0.0 : 1.0;
+    } else {
+        uint meta = NODE[hit.y].meta;
+        int detail = int(meta >> 16u & 0xFFu);
+        uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
+        uint face = hit.z >> 16u;
+        Here here = Here(NODE[hit.y].index, hit.y, meta & 0xFFu);
+        ivec2 column = NODE[hit.y].index * int(SECTION_SIDE) + ivec2(inner);
+
+        // The run on show; a bridged column shows the run of the column it was taken from.
+        uvec2 place = NODE[hit.y].place;
+        uint ordered = block_order(inner);
+        uint bridge = pool_load(place, pool_load(place, HEADER_BRIDGES) + ordered / 4u) >> (8u * (ordered & 3u)) & 0xFFu;
+        if (bridge != 0u) {
+            ivec2 source = column + decode_bridge(bridge);
+            go_to(here, source);
+            place = NODE[here.slot].place;
+            ordered = block_order(uvec2(source) & (SECTION_SIDE - 1u));
+        }
+        uint run = pool_load(place, pool_load(place, HEADER_TOPS) + ordered);
+        uint attributes = pool_load(place, HEADER_ATTRIBUTES) + 2u * run;
+        uint first = pool_load(place, attributes), second = pool_load(place, attributes + 1u);
+
+        float top = float(int(hit.w));
+        vec3 albedo;
+        if (FRAME.color_source == 0u) {
+            albedo = bytes((first & 0xFFu) | (second >> 24u) << 8u | (second >> 16u & 0xFFu) << 16u);
+        } else {
+            uint value = FRAME.color_source == 1u ? (hit.w + uint(FRAME.height_anchor)) ^ 0x80000000u
+                       : FRAME.color_source == 2u ? first >> 24u
+                       : FRAME.color_source == 3u ? first >> 8u & 0xFFFFu
+                                                  : second >> 8u & 0xFFu;
+            float at_entry = value > FRAME.range_low ? min(float(value - FRAME.range_low) * FRAME.range_scale, 255.0) : 0.0;
+            uint entry = uint(at_entry);
+            albedo = mix(RAMP[entry].rgb, RAMP[min(entry + 1u, 255u)].rgb, at_entry - float(entry));
+        }
+        albedo = linear_of(albedo);
+        color = vec4(albedo, 1.0);
+        bits = first >> 24u | (bridge != 0u ? ORIGIN_BRIDGED : ORIGIN_MEASURED) << 9u | face << 12u;
+
+        if (FRAME.shade == 1u) {
+            float cell_steps = FRAME.cell_steps * float(1 << detail);
+            float t = uintBitsToFloat(hit.x);
+            float z = face == FACE_TOP ? top : fma(t, ray.step.z, float(ray.cell.z) + ray.fraction.z);
+            vec2 outward = vec2(0.0);
+            vec3 normal;
+            vec2 slope = slope_at(here, column, top, cell_steps);
+            vec3 up = normalize(vec3(-slope, 1.0));
+            if (face == FACE_TOP || face == FACE_INSIDE) {
+                normal = up;
+            } else {
+                outward = face == FACE_WEST ? vec2(-1, 0) : face == FACE_EAST ? vec2(1, 0) : face == FACE_SOUTH ? vec2(0, -1) : vec2(0, 1);
+                // A low step of a slope is part of the slope; a wall is a wall.
+                float drop = (top - z) / cell_steps;
+                normal = normalize(mix(up, vec3(outward, 0.0), smoothstep(0.2, 1.5, drop + 0.6)));
+            }
+            float sky_seen = sky_at(here, column, z, outward, cell_steps);
+            float lit = max(dot(normal, FRAME.sun), 0.0);
+            vec3 sunlight = vec3(1.0, 0.96, 0.88) * 1.05 * lit * mix(0.55, 1.0, sky_seen);
+            vec3 skylight = vec3(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky_seen * sky_seen;
+            float bounce = 0.10 * (1.0 - 0.6 * normal.z);
+            color.rgb = albedo * (sunlight + skylight * 0.62 + bounce);
+        }
+    }
+
+    vec4 sum = color * push.sample_weight;
+    if (push.sample_index > 0u) sum += COLOR[at];
+    COLOR[at] = sum;
+    HIT[at] = uvec4(hit.x, bits, 0u, hit.w);
+}

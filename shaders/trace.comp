@@ -1,0 +1,170 @@
+// The traversal: one ray a pixel through the quadtree of sections (the table), each section's maximum pyramid
+// and, at its finest level, the column: top or side. Writes hit records.
+//
+// A ray's place is the finest cell it is in and t. A node's far border gives t directly from the ray's origin
+// (never step by step), so no error builds up, and a node is passed over exactly when all its columns would be:
+// t and z(t) round monotonically. A column is solid from its top down; a ray hits where it first is at or
+// below a column's top inside that cell.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "pool.glsl"
+#include "section.glsl"
+#include "frame.glsl"
+
+layout(local_size_x_id = 0, local_size_y_id = 1) in;
+
+struct Walk {
+    Ray ray;
+    vec2 inverse; // 1 / ray.step.xy, or huge where the ray does not move
+    ivec2 upward; // 1 where the ray goes east / north (or neither)
+    ivec2 cell;   // finest cell
+    float t;
+    uint face; // through which side the cell was entered
+};
+
+// t at which the ray crosses `border` (a finest cell border) of each axis; beyond FAR where it runs along.
+vec2 t_at(in Walk walk, ivec2 border) {
+    return (vec2(border - walk.ray.cell.xy) - walk.ray.fraction.xy) * walk.inverse;
+}
+
+float z_at(in Walk walk, float t) { return fma(t, walk.ray.step.z, float(walk.ray.cell.z) + walk.ray.fraction.z); }
+
+// t and axis at which the ray leaves the node of `level` that it is in.
+void exit_of(in Walk walk, int level, out float t, out int axis, out ivec2 border) {
+    border = (walk.cell >> level) + walk.upward << level;
+    vec2 ts = t_at(walk, border);
+    axis = ts.x <= ts.y ? 0 : 1;
+    t = max(ts[axis], walk.t);
+}
+
+// Goes to where the ray leaves the node of `level` through `border` of `axis`.
+void advance(inout Walk walk, int level, float t, int axis, ivec2 border) {
+    int other = 1 - axis;
+    ivec2 low = walk.cell >> level << level;
+    walk.cell[axis] = border[axis] - 1 + walk.upward[axis];
+    int across = walk.ray.cell[other] + int(floor(fma(t, walk.ray.step[other], walk.ray.fraction[other])));
+    walk.cell[other] = clamp(across, low[other], low[other] + (1 << level) - 1);
+    walk.face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(1 - walk.upward[axis]);
+    walk.t = t;
+}
+
+// Whether the ray has left the parent of the node of `level` whose border it has just crossed.
+bool left_parent(int level, int axis, ivec2 border) {
+    return ((border[axis] >> level) & 1) == 0;
+}
+
+// Walks the section in `slot`. True on a hit (the record is complete); false when the ray has left it.
+bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
+    uint meta = NODE[slot].meta;
+    int top_level = int(meta & 0xFFu), finest = int(meta >> 16u & 0xFFu);
+    bool wide = (meta & NODE_WIDE) != 0u;
+    uint shift = meta >> 12u & 0xFu;
+    uvec2 place = NODE[slot].place;
+    uint pyramid = NODE[slot].pyramid;
+    int base = NODE[slot].base;
+    ivec2 section = walk.cell >> top_level;
+
+    int level = top_level - 1;
+    while (true) {
+        float t;
+        int axis;
+        ivec2 border;
+        exit_of(walk, level, t, axis, border);
+        float lowest = z_at(walk, walk.ray.step.z < 0.0 ? t : walk.t);
+
+        uint l = uint(level - finest);
+        uint side = SECTION_SIDE >> l;
+        uvec2 node = uvec2(walk.cell >> level) & (side - 1u);
+        uint code = load_code(place, pyramid, pyramid_offset(l) + node.y * side + node.x, wide);
+        int top = base + int(code << shift);
+
+        if (code != 0u && lowest <= float(top)) {
+            if (level > finest) {
+                level--;
+                continue;
+            }
+            float enter = z_at(walk, walk.t);
+            float t_hit = walk.t;
+            if (enter > float(top)) {
+                float to_top = (float(top - walk.ray.cell.z) - walk.ray.fraction.z) / walk.ray.step.z;
+                t_hit = clamp(to_top, walk.t, t);
+                walk.face = FACE_TOP;
+            }
+            hit = uvec4(floatBitsToUint(t_hit), slot, node.y << SECTION_LOG2 | node.x | walk.face << 16u, uint(top));
+            return true;
+        }
+        if (t > FAR) {
+            walk.t = t;
+            return false;
+        }
+        advance(walk, level, t, axis, border);
+        if (walk.cell >> top_level != section) return false;
+        if (left_parent(level, axis, border)) level = min(level + 1, top_level - 1);
+    }
+}
+
+// Moves the walk's start to where its ray enters what the table covers; false if it never does.
+bool enter(inout Walk walk) {
+    ivec2 low = FRAME.low, high = FRAME.high;
+    bvec2 eastward = equal(walk.upward, ivec2(1));
+    bvec2 outside = bvec2(any(bvec2(walk.cell.x < low.x, walk.cell.x >= high.x)), any(bvec2(walk.cell.y < low.y, walk.cell.y >= high.y)));
+    vec2 t_near = t_at(walk, mix(high, low, eastward)), t_far = t_at(walk, mix(low, high, eastward));
+    if (any(bvec2(outside.x && (t_near.x < 0.0 || t_near.x > FAR), outside.y && (t_near.y < 0.0 || t_near.y > FAR)))) return false;
+    vec2 t_in = mix(vec2(0.0), t_near, outside);
+    float t = max(t_in.x, t_in.y);
+    if (t >= min(t_far.x, t_far.y)) return false;
+    if (t > 0.0) {
+        ivec2 across = walk.ray.cell.xy + ivec2(floor(fma(vec2(t), walk.ray.step.xy, walk.ray.fraction.xy)));
+        ivec2 border = mix(high - 1, low, eastward);
+        bool through_x = t_in.x >= t_in.y;
+        walk.cell = clamp(mix(across, border, bvec2(through_x, !through_x)), low, high - 1);
+        walk.face = (through_x ? FACE_WEST : FACE_SOUTH) + uint(1 - (through_x ? walk.upward.x : walk.upward.y));
+        walk.t = t;
+    }
+    return true;
+}
+
+uvec4 trace(Ray ray) {
+    Walk walk;
+    walk.ray = ray;
+    walk.inverse = mix(1.0 / ray.step.xy, vec2(1e30), lessThan(abs(ray.step.xy), vec2(1e-20)));
+    walk.upward = ivec2(greaterThanEqual(walk.inverse, vec2(0.0)));
+    walk.cell = ray.cell.xy;
+    walk.t = 0.0;
+    walk.face = FACE_INSIDE;
+
+    uvec4 hit = uvec4(0u, NO_NODE, 0u, 0u);
+    if (!enter(walk)) return hit;
+    int level = FRAME.top_level;
+    while (all(greaterThanEqual(walk.cell, FRAME.low)) && all(lessThan(walk.cell, FRAME.high))) {
+        float t;
+        int axis;
+        ivec2 border;
+        exit_of(walk, level, t, axis, border);
+        float lowest = z_at(walk, ray.step.z < 0.0 ? t : walk.t);
+        uint slot = find_node(uint(level), walk.cell >> level);
+        if (slot != NO_NODE && lowest <= NODE[slot].top) {
+            if ((NODE[slot].meta & NODE_SECTION) == 0u) {
+                level--;
+                continue;
+            }
+            ivec2 before = walk.cell >> level;
+            if (walk_section(walk, slot, hit)) return hit;
+            if (walk.t > FAR) break;
+            // The walk stands in another section now: go on from the parent if that is another too.
+            if (walk.cell >> level + 1 != before >> 1) level++;
+        } else {
+            if (t > FAR) break;
+            advance(walk, level, t, axis, border);
+            if (left_parent(level, axis, border)) level++;
+        }
+        level = min(level, FRAME.top_level);
+    }
+    return hit;
+}
+
+void main() {
+    uvec2 pixel = gl_GlobalInvocationID.xy;
+    if (pixel.x >= FRAME.width || pixel.y >= FRAME.height) return;
+    HIT[pixel.y * FRAME.width + pixel.x] = trace(ray_at(pixel * 16u + uvec2(push.sample_at)));
+}

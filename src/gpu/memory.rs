@@ -1,0 +1,210 @@
+//! Buffers: the only kind of memory the program uses.
+
+use std::fmt;
+use std::mem::ManuallyDrop;
+use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
+
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+
+use super::device::lock;
+use super::{Gpu, GpuError, Result};
+
+/// A buffer of this size or more gets an allocation of its own.
+const DEDICATED_BYTES: u64 = 8 << 20;
+
+/// Where a buffer lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MemoryKind {
+    /// The device's own memory; the host cannot reach it.
+    Device,
+    /// Written by the host, read by the device (write-combined where the driver has that).
+    Upload,
+    /// Written by the device, read by the host (cached).
+    Readback,
+}
+
+impl fmt::Display for MemoryKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            MemoryKind::Device => "device",
+            MemoryKind::Upload => "upload",
+            MemoryKind::Readback => "readback",
+        })
+    }
+}
+
+/// A storage buffer with a device address, shared by both queues. A clone is another handle to the
+/// same memory; [`super::Commands`] hold one of each buffer they were given until they are done.
+#[derive(Clone)]
+pub struct Buffer(Arc<Inner>);
+
+struct Inner {
+    gpu: Gpu,
+    handle: vk::Buffer,
+    address: u64,
+    size: u64,
+    name: String,
+    /// Locked around host accesses, so that two threads never touch the bytes at once.
+    allocation: Mutex<ManuallyDrop<Allocation>>,
+}
+
+impl Buffer {
+    /// Makes a buffer of `size` bytes (at least 4 are made); what it holds is undefined.
+    pub fn new(gpu: &Gpu, name: &str, kind: MemoryKind, size: u64) -> Result<Buffer> {
+        let size = size.max(4);
+        let no_memory =
+            |reason: String| GpuError::Memory { name: name.to_owned(), kind, bytes: size, reason };
+        let limits = gpu.limits();
+        if size > limits.buffer_bytes.min(limits.allocation_bytes) {
+            return Err(no_memory(format!(
+                "the device's limit is {} bytes a buffer, {} an allocation",
+                limits.buffer_bytes, limits.allocation_bytes
+            )));
+        }
+        let families = gpu.families();
+        let mut create = vk::BufferCreateInfo::default().size(size).usage(
+            vk::BufferUsageFlags::STORAGE_BUFFER
+                | vk::BufferUsageFlags::SHADER_DEVICE_ADDRESS
+                | vk::BufferUsageFlags::TRANSFER_SRC
+                | vk::BufferUsageFlags::TRANSFER_DST,
+        );
+        if families.len() > 1 {
+            create = create.sharing_mode(vk::SharingMode::CONCURRENT).queue_family_indices(&families);
+        }
+        let device = gpu.device();
+        // SAFETY: the device is alive: `gpu` holds it.
+        let handle = unsafe { device.create_buffer(&create, None) }.map_err(|e| no_memory(e.to_string()))?;
+        // SAFETY: as above; `handle` was just made.
+        let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
+        let allocated = lock(&gpu.0.allocator).allocate(&AllocationCreateDesc {
+            name,
+            requirements,
+            location: match kind {
+                MemoryKind::Device => MemoryLocation::GpuOnly,
+                MemoryKind::Upload => MemoryLocation::CpuToGpu,
+                MemoryKind::Readback => MemoryLocation::GpuToCpu,
+            },
+            linear: true,
+            allocation_scheme: if size >= DEDICATED_BYTES {
+                AllocationScheme::DedicatedBuffer(handle)
+            } else {
+                AllocationScheme::GpuAllocatorManaged
+            },
+        });
+        let allocation = match allocated {
+            Ok(allocation) => allocation,
+            Err(e) => {
+                // SAFETY: the buffer is unbound and unknown to anyone else.
+                unsafe { device.destroy_buffer(handle, None) };
+                return Err(no_memory(e.to_string()));
+            }
+        };
+        gpu.0.allocated_bytes.fetch_add(allocation.size(), Ordering::Relaxed);
+        // From here on Drop gives both back.
+        let mut inner = Inner {
+            gpu: gpu.clone(),
+            handle,
+            address: 0,
+            size,
+            name: name.to_owned(),
+            allocation: Mutex::new(ManuallyDrop::new(allocation)),
+        };
+        {
+            let allocation = lock(&inner.allocation);
+            // SAFETY: the memory was allocated for this buffer's requirements and outlives it.
+            unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) }
+                .map_err(|e| no_memory(e.to_string()))?;
+        }
+        // SAFETY: the buffer is bound and was made with SHADER_DEVICE_ADDRESS.
+        inner.address = unsafe {
+            device.get_buffer_device_address(&vk::BufferDeviceAddressInfo::default().buffer(handle))
+        };
+        gpu.name_object(handle, name);
+        Ok(Buffer(Arc::new(inner)))
+    }
+
+    /// Where shaders find byte 0.
+    pub fn address(&self) -> u64 {
+        self.0.address
+    }
+
+    /// Bytes.
+    pub fn size(&self) -> u64 {
+        self.0.size
+    }
+
+    /// The debug name.
+    pub fn name(&self) -> &str {
+        &self.0.name
+    }
+
+    /// Writes `bytes` at `offset`. The device must not be reading them: see [`super::Order`].
+    ///
+    /// # Panics
+    /// When the range is outside the buffer, or the host cannot reach it.
+    pub fn write(&self, offset: u64, bytes: &[u8]) {
+        self.check(offset, bytes.len() as u64);
+        let allocation = lock(&self.0.allocation);
+        let mapped = allocation.mapped_ptr().expect("the host writes only to mapped buffers");
+        // SAFETY: the range is inside the mapping (checked above), which lives as long as the
+        // allocation; the lock keeps other host threads out, and `bytes` cannot overlap it because the
+        // mapping is never lent out.
+        unsafe {
+            let to = mapped.as_ptr().cast::<u8>().add(offset as usize);
+            to.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
+        }
+    }
+
+    /// Reads at `offset` into `bytes`. The device must be done writing: see [`super::Order::read`].
+    ///
+    /// # Panics
+    /// When the range is outside the buffer, or the host cannot reach it.
+    pub(super) fn read(&self, offset: u64, bytes: &mut [u8]) {
+        self.check(offset, bytes.len() as u64);
+        let allocation = lock(&self.0.allocation);
+        let mapped = allocation.mapped_ptr().expect("the host reads only from mapped buffers");
+        // SAFETY: as in `write`, the other way round.
+        unsafe {
+            let from = mapped.as_ptr().cast::<u8>().add(offset as usize);
+            from.copy_to_nonoverlapping(bytes.as_mut_ptr(), bytes.len());
+        }
+    }
+
+    pub(super) fn check(&self, offset: u64, len: u64) {
+        let end = offset.checked_add(len);
+        assert!(
+            end.is_some_and(|end| end <= self.0.size),
+            "{len} bytes at {offset} are outside {} of {} bytes",
+            self.0.name,
+            self.0.size
+        );
+    }
+
+    pub(super) fn handle(&self) -> vk::Buffer {
+        self.0.handle
+    }
+}
+
+impl fmt::Debug for Buffer {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Buffer({}, {} bytes)", self.0.name, self.0.size)
+    }
+}
+
+impl Drop for Inner {
+    fn drop(&mut self) {
+        let allocation = self.allocation.get_mut().unwrap_or_else(std::sync::PoisonError::into_inner);
+        // SAFETY: taken once, here; nothing uses `self.allocation` afterwards.
+        let allocation = unsafe { ManuallyDrop::take(allocation) };
+        self.gpu.0.allocated_bytes.fetch_sub(allocation.size(), Ordering::Relaxed);
+        // SAFETY: this is the last handle. Work in flight holds one of its own until its timeline value
+        // is reached, so the device is done with the buffer.
+        unsafe { self.gpu.device().destroy_buffer(self.handle, None) };
+        if let Err(e) = lock(&self.gpu.0.allocator).free(allocation) {
+            tracing::error!("freeing {}: {e}", self.name);
+        }
+    }
+}

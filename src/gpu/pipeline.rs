@@ -1,0 +1,202 @@
+//! Compute programs and their storage buffers.
+
+use std::sync::Arc;
+
+use ash::vk;
+
+use super::{Buffer, Gpu, GpuError, Result};
+
+/// What every Vulkan device grants; the program may ask for no more.
+const MAX_PUSH_BYTES: u32 = 128;
+
+/// A compute program. A clone is another handle to the same program.
+#[derive(Clone)]
+pub struct ComputePipeline(Arc<Program>);
+
+struct Program {
+    gpu: Gpu,
+    name: String,
+    set_layout: vk::DescriptorSetLayout,
+    layout: vk::PipelineLayout,
+    handle: vk::Pipeline,
+    push_bytes: u32,
+    storage_buffers: u32,
+}
+
+impl ComputePipeline {
+    /// Makes a program of SPIR-V `words` (entry point `main`).
+    ///
+    /// `constants` are specialisation constants (id, bits); `push_bytes` is the size of the push
+    /// constants, 0 to 128; `storage_buffers` that many bindings 0, 1, ... of set 0 are storage buffers.
+    pub fn new(
+        gpu: &Gpu,
+        name: &str,
+        words: &[u32],
+        constants: &[(u32, u32)],
+        push_bytes: u32,
+        storage_buffers: u32,
+    ) -> Result<ComputePipeline> {
+        assert!(push_bytes <= MAX_PUSH_BYTES, "{name}: {push_bytes} bytes of push constants");
+        let device = gpu.device();
+        let failed = |call: &str, e| GpuError::vulkan(format!("{call} for {name}"), e);
+        // Filled step by step, so that Drop gives back what a failed step leaves.
+        let mut program = Program {
+            gpu: gpu.clone(),
+            name: name.to_owned(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            layout: vk::PipelineLayout::null(),
+            handle: vk::Pipeline::null(),
+            push_bytes,
+            storage_buffers,
+        };
+        let mut layout = vk::PipelineLayoutCreateInfo::default();
+        let bindings: Vec<_> = (0..storage_buffers)
+            .map(|i| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(i)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let set_layouts;
+        if storage_buffers > 0 {
+            let create = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+            // SAFETY: the device is alive: `gpu` holds it.
+            program.set_layout = unsafe { device.create_descriptor_set_layout(&create, None) }
+                .map_err(|e| failed("vkCreateDescriptorSetLayout", e))?;
+            set_layouts = [program.set_layout];
+            layout = layout.set_layouts(&set_layouts);
+        }
+        let range = [vk::PushConstantRange {
+            stage_flags: vk::ShaderStageFlags::COMPUTE,
+            offset: 0,
+            size: push_bytes,
+        }];
+        if push_bytes > 0 {
+            layout = layout.push_constant_ranges(&range);
+        }
+        // SAFETY: the device and the set layout are alive.
+        program.layout = unsafe { device.create_pipeline_layout(&layout, None) }
+            .map_err(|e| failed("vkCreatePipelineLayout", e))?;
+
+        let module = vk::ShaderModuleCreateInfo::default().code(words);
+        // SAFETY: the words are what the shader compiler wrote.
+        let module = unsafe { device.create_shader_module(&module, None) }
+            .map_err(|e| failed("vkCreateShaderModule", e))?;
+        let entries: Vec<_> = (0u32..)
+            .zip(constants)
+            .map(|(i, (id, _))| vk::SpecializationMapEntry { constant_id: *id, offset: i * 4, size: 4 })
+            .collect();
+        let data: Vec<u8> = constants.iter().flat_map(|(_, bits)| bits.to_ne_bytes()).collect();
+        let specialisation = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&specialisation);
+        let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(program.layout)];
+        // SAFETY: module and layout are alive until the call returns; afterwards the module is not used.
+        let made = unsafe {
+            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &create, None);
+            device.destroy_shader_module(module, None);
+            made
+        };
+        program.handle = made.map_err(|(_, e)| failed("vkCreateComputePipelines", e))?[0];
+        gpu.name_object(program.handle, name);
+        Ok(ComputePipeline(Arc::new(program)))
+    }
+
+    /// Ties `buffers` to bindings 0, 1, ... of this program, whole.
+    ///
+    /// # Panics
+    /// When there are not as many as the program declares.
+    pub fn binding(&self, buffers: &[&Buffer]) -> Result<Binding> {
+        let program = &self.0;
+        assert_eq!(buffers.len(), program.storage_buffers as usize, "storage buffers of {}", program.name);
+        let device = program.gpu.device();
+        let failed = |call: &str, e| GpuError::vulkan(format!("{call} for {}", program.name), e);
+        let sizes = [vk::DescriptorPoolSize {
+            ty: vk::DescriptorType::STORAGE_BUFFER,
+            descriptor_count: program.storage_buffers,
+        }];
+        let create = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
+        // SAFETY: the device is alive: the program holds it.
+        let pool = unsafe { device.create_descriptor_pool(&create, None) }
+            .map_err(|e| failed("vkCreateDescriptorPool", e))?;
+        let buffers: Vec<Buffer> = buffers.iter().map(|&b| b.clone()).collect();
+        let mut set =
+            BoundSet { pool, set: vk::DescriptorSet::null(), pipeline: self.clone(), _buffers: buffers };
+        let layouts = [program.set_layout];
+        let allocate = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
+        // SAFETY: pool and layout are alive and used by this thread alone.
+        set.set = unsafe { device.allocate_descriptor_sets(&allocate) }
+            .map_err(|e| failed("vkAllocateDescriptorSets", e))?[0];
+        let infos: Vec<_> = set
+            ._buffers
+            .iter()
+            .map(|b| [vk::DescriptorBufferInfo { buffer: b.handle(), offset: 0, range: vk::WHOLE_SIZE }])
+            .collect();
+        let writes: Vec<_> = (0u32..)
+            .zip(&infos)
+            .map(|(i, info)| {
+                vk::WriteDescriptorSet::default()
+                    .dst_set(set.set)
+                    .dst_binding(i)
+                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .buffer_info(info)
+            })
+            .collect();
+        // SAFETY: the set is new, so no work uses it; the buffers live as long as the set.
+        unsafe { device.update_descriptor_sets(&writes, &[]) };
+        Ok(Binding(Arc::new(set)))
+    }
+
+    pub(super) fn handle(&self) -> vk::Pipeline {
+        self.0.handle
+    }
+
+    pub(super) fn layout(&self) -> vk::PipelineLayout {
+        self.0.layout
+    }
+
+    pub(super) fn push_bytes(&self) -> u32 {
+        self.0.push_bytes
+    }
+}
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let device = self.gpu.device();
+        // SAFETY: this is the last handle; work in flight holds one of its own. Null handles are allowed.
+        unsafe {
+            device.destroy_pipeline(self.handle, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
+
+/// Storage buffers tied to a program; holds the buffers. A clone is another handle.
+#[derive(Clone)]
+pub struct Binding(Arc<BoundSet>);
+
+struct BoundSet {
+    pool: vk::DescriptorPool,
+    set: vk::DescriptorSet,
+    pipeline: ComputePipeline,
+    _buffers: Vec<Buffer>,
+}
+
+impl Binding {
+    pub(super) fn set(&self) -> vk::DescriptorSet {
+        self.0.set
+    }
+}
+
+impl Drop for BoundSet {
+    fn drop(&mut self) {
+        // SAFETY: this is the last handle; work in flight holds one of its own.
+        unsafe { self.pipeline.0.gpu.device().destroy_descriptor_pool(self.pool, None) };
+    }
+}

@@ -1,0 +1,164 @@
+//! One queue's progress as a number.
+
+use std::any::Any;
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use ash::vk;
+
+use super::device::lock;
+use super::{Commands, Gpu, GpuError, QueueKind, Result};
+
+/// A submitted piece of work. Only a submit makes one, so no wait can come before its signal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct SyncPoint {
+    pub(super) queue: QueueKind,
+    pub(super) value: u64,
+}
+
+impl SyncPoint {
+    /// The queue that the work was submitted to; a device with one queue has only compute points.
+    pub fn queue(self) -> QueueKind {
+        self.queue
+    }
+
+    /// Counts the submits of that queue, from 1.
+    pub fn value(self) -> u64 {
+        self.value
+    }
+}
+
+/// What a submit waits for: a point of the other queue, before these stages.
+#[derive(Clone, Copy)]
+pub(super) struct Wait {
+    pub point: SyncPoint,
+    pub stages: vk::PipelineStageFlags2,
+}
+
+/// A queue with its timeline semaphore. Choosing the value and submitting is one step, and things in
+/// use wait here until the queue is past them.
+pub(super) struct Timeline {
+    gpu: Gpu,
+    queue: QueueKind,
+    semaphore: vk::Semaphore,
+    /// Value of the last submit.
+    submitted: u64,
+    /// Highest value that the host has seen.
+    seen: u64,
+    /// Ordered by value: things are retired at submits, or at points that are already old.
+    retired: VecDeque<(u64, Box<dyn Any + Send>)>,
+}
+
+impl Timeline {
+    pub fn new(gpu: &Gpu, queue: QueueKind, name: &str) -> Result<Timeline> {
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let create = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device is alive: `gpu` holds it.
+        let semaphore = unsafe { gpu.device().create_semaphore(&create, None) }
+            .map_err(|e| GpuError::vulkan(format!("vkCreateSemaphore for {name}"), e))?;
+        gpu.name_object(semaphore, name);
+        Ok(Timeline { gpu: gpu.clone(), queue, semaphore, submitted: 0, seen: 0, retired: VecDeque::new() })
+    }
+
+    pub fn semaphore(&self) -> vk::Semaphore {
+        self.semaphore
+    }
+
+    /// Submits `commands` after `waits` (semaphore, value, stages) and keeps them until they are done.
+    pub fn submit(
+        &mut self,
+        mut commands: Commands,
+        waits: &[vk::SemaphoreSubmitInfo<'_>],
+    ) -> Result<SyncPoint> {
+        let buffer = commands.end()?;
+        let value = self.submitted + 1;
+        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(buffer)];
+        let signals = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.semaphore)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let submit = vk::SubmitInfo2::default()
+            .wait_semaphore_infos(waits)
+            .command_buffer_infos(&buffers)
+            .signal_semaphore_infos(&signals);
+        {
+            let _guard = lock(&self.gpu.0.submitting);
+            let queue = self.gpu.queue(self.queue).handle;
+            // SAFETY: the lock makes this thread the queue's only user; the command buffer and all that
+            // it uses stay in `retired` until `value` is reached; the waited values were submitted
+            // before (a `SyncPoint` proves it).
+            unsafe { self.gpu.device().queue_submit2(queue, &[submit], vk::Fence::null()) }
+                .map_err(|e| GpuError::vulkan(format!("vkQueueSubmit2 of {}", commands.name()), e))?;
+        }
+        self.submitted = value;
+        self.retired.push_back((value, Box::new(commands)));
+        Ok(SyncPoint { queue: self.queue, value })
+    }
+
+    /// Whether the queue is past `value`.
+    pub fn reached(&mut self, value: u64) -> Result<bool> {
+        self.assert_submitted(value);
+        if self.seen < value {
+            // SAFETY: the semaphore lives as long as `self`.
+            let now = unsafe { self.gpu.device().get_semaphore_counter_value(self.semaphore) }
+                .map_err(|e| GpuError::vulkan("vkGetSemaphoreCounterValue", e))?;
+            // A lost device may report any value.
+            if now > self.submitted {
+                return Err(GpuError::DeviceLost { what: format!("{:?} timeline at {now}", self.queue) });
+            }
+            self.seen = self.seen.max(now);
+        }
+        Ok(self.seen >= value)
+    }
+
+    /// Waits until the queue is past `value`.
+    pub fn wait(&mut self, value: u64, timeout: Duration) -> Result<()> {
+        self.assert_submitted(value);
+        if self.seen >= value {
+            return Ok(());
+        }
+        let (semaphores, values) = ([self.semaphore], [value]);
+        let wait = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        let nanoseconds = u64::try_from(timeout.as_nanos()).unwrap_or(u64::MAX);
+        let what = || format!("{:?} work {value}", self.queue);
+        // SAFETY: the semaphore lives as long as `self`.
+        match unsafe { self.gpu.device().wait_semaphores(&wait, nanoseconds) } {
+            Ok(()) => {
+                self.seen = self.seen.max(value);
+                Ok(())
+            }
+            Err(vk::Result::TIMEOUT) => Err(GpuError::Timeout { what: what(), after: timeout }),
+            Err(e) => Err(GpuError::vulkan(what(), e)),
+        }
+    }
+
+    /// Keeps `thing` alive until the queue is past `value`.
+    pub fn retire(&mut self, value: u64, thing: Box<dyn Any + Send>) {
+        self.assert_submitted(value);
+        let at = self.retired.partition_point(|(v, _)| *v <= value);
+        self.retired.insert(at, (value, thing));
+    }
+
+    /// Drops what the queue is past.
+    pub fn collect(&mut self) -> Result<()> {
+        let Some((oldest, _)) = self.retired.front() else { return Ok(()) };
+        if self.reached(*oldest)? {
+            let done = self.retired.partition_point(|(v, _)| *v <= self.seen);
+            self.retired.drain(..done);
+        }
+        Ok(())
+    }
+
+    fn assert_submitted(&self, value: u64) {
+        assert!(value <= self.submitted, "a point of another device: {value} of {}", self.submitted);
+    }
+}
+
+impl Drop for Timeline {
+    fn drop(&mut self) {
+        // The owner has waited for the device, so nothing uses the semaphore or what was retired.
+        self.retired.clear();
+        // SAFETY: see above.
+        unsafe { self.gpu.device().destroy_semaphore(self.semaphore, None) };
+    }
+}

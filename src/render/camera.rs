@@ -1,0 +1,604 @@
+//! The camera, in world coordinates, and the rays of its pixels. All f64.
+
+use glam::DVec3;
+
+/// Share of the picture's half-width and half-height that framed data fill.
+const FRAME_FILL: f64 = 0.96;
+
+/// Least depth of framed data, in radii of their box.
+const NEAREST: f64 = 0.05;
+
+/// Vertical field of view when none is asked for, degrees.
+pub const DEFAULT_FOV: f64 = 45.0;
+/// Azimuth and elevation when none are asked for, degrees: looking north, 35° down.
+pub const DEFAULT_ORBIT: [f64; 2] = [0.0, 35.0];
+
+/// What cannot be seen, and why.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum CameraError {
+    /// No direction to look in.
+    #[error("eye and target are both at {}: the camera has no direction", triple(.0))]
+    EyeIsTarget(DVec3),
+    /// NaN or infinity, given or arisen.
+    #[error("{what} is {value}: it must be finite")]
+    NotFinite {
+        /// What it is the value of.
+        what: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// Too small or negative.
+    #[error("{what} is {value}: it must be above 0")]
+    NotPositive {
+        /// What it is the value of.
+        what: &'static str,
+        /// The value.
+        value: f64,
+    },
+    /// Vertical field of view.
+    #[error("field of view is {0}°: it must lie between 0 and 180")]
+    Fov(f64),
+    /// Over the top.
+    #[error("elevation is {0}°: it must lie between -90 (straight up) and 90 (straight down)")]
+    Elevation(f64),
+    /// Image without pixels.
+    #[error("image size is {0}x{1}: neither may be 0")]
+    Size(u32, u32),
+}
+
+fn triple(v: &DVec3) -> String {
+    format!("{},{},{}", v.x, v.y, v.z)
+}
+
+fn finite(what: &'static str, value: f64) -> Result<f64, CameraError> {
+    if value.is_finite() { Ok(value) } else { Err(CameraError::NotFinite { what, value }) }
+}
+
+fn positive(what: &'static str, value: f64) -> Result<f64, CameraError> {
+    if finite(what, value)? > 0.0 { Ok(value) } else { Err(CameraError::NotPositive { what, value }) }
+}
+
+fn finite3(names: [&'static str; 3], v: DVec3) -> Result<DVec3, CameraError> {
+    names.into_iter().zip(v.to_array()).try_for_each(|(what, value)| finite(what, value).map(drop))?;
+    Ok(v)
+}
+
+/// An axis-parallel box in world coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// West, south, lowest.
+    pub min: DVec3,
+    /// East, north, highest.
+    pub max: DVec3,
+}
+
+impl Bounds {
+    /// Middle of the box.
+    pub fn center(&self) -> DVec3 {
+        self.min + (self.max - self.min) * 0.5
+    }
+
+    /// The box as it is shown under vertical exaggeration about `pivot_u`.
+    pub fn exaggerated(&self, z_scale: f64, pivot_u: f64) -> Bounds {
+        let shown = |v: DVec3| DVec3 { z: pivot_u + (v.z - pivot_u) * z_scale, ..v };
+        Bounds { min: shown(self.min), max: shown(self.max) }
+    }
+
+    fn corners(&self) -> [DVec3; 8] {
+        let pick = |bit: usize, a: f64, b: f64| if bit == 0 { a } else { b };
+        std::array::from_fn(|k| {
+            DVec3::new(
+                pick(k & 1, self.min.x, self.max.x),
+                pick(k & 2, self.min.y, self.max.y),
+                pick(k & 4, self.min.z, self.max.z),
+            )
+        })
+    }
+}
+
+/// How rays spread.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// From the eye.
+    Perspective {
+        /// Vertical field of view, degrees, in (0, 180).
+        fov: f64,
+    },
+    /// Parallel, from the plane through the eye across the direction of view.
+    Orthographic {
+        /// CRS units a pixel, both ways.
+        units_per_pixel: f64,
+    },
+}
+
+impl Default for Projection {
+    fn default() -> Projection {
+        Projection::Perspective { fov: DEFAULT_FOV }
+    }
+}
+
+impl Projection {
+    fn check(self) -> Result<Projection, CameraError> {
+        match self {
+            Projection::Perspective { fov } if !(fov > 0.0 && fov < 180.0) => Err(CameraError::Fov(fov)),
+            Projection::Orthographic { units_per_pixel } => {
+                positive("units per pixel", units_per_pixel).map(|_| self)
+            }
+            Projection::Perspective { .. } => Ok(self),
+        }
+    }
+}
+
+/// A direction of view without roll.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Axes {
+    forward: DVec3,
+    right: DVec3,
+    up: DVec3,
+}
+
+impl Axes {
+    /// Azimuth clockwise from north, positive elevation down; degrees. At ±90° north counts as azimuth.
+    fn from_angles([azimuth, elevation]: [f64; 2]) -> Result<Axes, CameraError> {
+        finite("azimuth", azimuth)?;
+        if !(-90.0..=90.0).contains(&elevation) {
+            return Err(CameraError::Elevation(elevation));
+        }
+        let (sin_el, cos_el) = sin_cos_degrees(elevation);
+        let (sin_az, cos_az) = if cos_el == 0.0 { (0.0, 1.0) } else { sin_cos_degrees(azimuth) };
+        let forward = DVec3::new(sin_az * cos_el, cos_az * cos_el, -sin_el);
+        Ok(Axes::of(forward, DVec3::new(cos_az, -sin_az, 0.0)))
+    }
+
+    fn from_direction(forward: DVec3) -> Axes {
+        let level = forward.x.hypot(forward.y);
+        let right = if level > 0.0 { DVec3::new(forward.y, -forward.x, 0.0) / level } else { DVec3::X };
+        Axes::of(forward, right)
+    }
+
+    fn of(forward: DVec3, right: DVec3) -> Axes {
+        Axes { forward, right, up: right.cross(forward) }
+    }
+}
+
+/// Sine and cosine, exact at multiples of 90°, so that a view along an axis is along the axis.
+fn sin_cos_degrees(angle: f64) -> (f64, f64) {
+    let turn = angle.rem_euclid(360.0);
+    match turn {
+        0.0 | 360.0 => (0.0, 1.0),
+        90.0 => (1.0, 0.0),
+        180.0 => (0.0, -1.0),
+        270.0 => (-1.0, 0.0),
+        _ => turn.to_radians().sin_cos(),
+    }
+}
+
+/// Where pictures are taken from: world coordinates (CRS units; heights as shown, i.e. after vertical
+/// exaggeration), no roll, z up; straight down has north on top.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    eye: DVec3,
+    target: DVec3,
+    axes: Axes,
+    projection: Projection,
+}
+
+impl Camera {
+    /// Looks from `eye` to `target`.
+    pub fn look_at(eye: DVec3, target: DVec3, projection: Projection) -> Result<Camera, CameraError> {
+        finite3(["eye E", "eye N", "eye U"], eye)?;
+        finite3(["target E", "target N", "target U"], target)?;
+        let distance = finite("distance from eye to target", (target - eye).length())?;
+        if distance == 0.0 {
+            return Err(CameraError::EyeIsTarget(eye));
+        }
+        let axes = Axes::from_direction((target - eye) / distance);
+        Ok(Camera { eye, target, axes, projection: projection.check()? })
+    }
+
+    /// Looks at `target` from `distance` (CRS units) away. `angles`: azimuth, the direction the camera
+    /// looks to, clockwise from north; elevation, positive looks down, -90 to 90; both in degrees.
+    pub fn orbit(
+        target: DVec3,
+        angles: [f64; 2],
+        distance: f64,
+        projection: Projection,
+    ) -> Result<Camera, CameraError> {
+        finite3(["target E", "target N", "target U"], target)?;
+        let axes = Axes::from_angles(angles)?;
+        let eye = target - axes.forward * positive("distance", distance)?;
+        finite3(["eye E", "eye N", "eye U"], eye)?;
+        if eye == target {
+            return Err(CameraError::EyeIsTarget(eye));
+        }
+        Ok(Camera { eye, target, axes, projection: projection.check()? })
+    }
+
+    /// Looks in the direction of `angles` (as in [`Camera::orbit`]) from where the whole box just fits
+    /// into a picture of `size` pixels, with a small margin. An orthographic projection keeps its scale
+    /// and looks at the middle of the box from outside.
+    pub fn frame(
+        bounds: &Bounds,
+        angles: [f64; 2],
+        projection: Projection,
+        size: [u32; 2],
+    ) -> Result<Camera, CameraError> {
+        let [width, height] = checked_size(size)?;
+        finite3(["bounds: west", "bounds: south", "bounds: bottom"], bounds.min)?;
+        finite3(["bounds: east", "bounds: north", "bounds: top"], bounds.max)?;
+        let axes = Axes::from_angles(angles)?;
+        let center = bounds.center();
+        // A lone point is framed as a box of one unit.
+        let grown = (0.5 - 0.5 * (bounds.max - bounds.min).max_element()).max(0.0);
+        let corners = Bounds { min: bounds.min - grown, max: bounds.max + grown }.corners();
+        // Right, up and forward of the middle: small numbers, whatever the northing.
+        let local = corners.map(|p| {
+            let d = p - center;
+            DVec3::new(d.dot(axes.right), d.dot(axes.up), d.dot(axes.forward))
+        });
+        let radius = local.iter().map(|p| p.length()).fold(0.0, f64::max);
+        let (eye, depth) = match projection.check()? {
+            Projection::Orthographic { .. } => (DVec3::new(0.0, 0.0, -2.0 * radius), 2.0 * radius),
+            Projection::Perspective { fov } => {
+                let tan_y = (fov.to_radians() * 0.5).tan() * FRAME_FILL;
+                let (x, far_x) = fit(local.map(|p| [p.x, p.z]), tan_y * width / height);
+                let (y, far_y) = fit(local.map(|p| [p.y, p.z]), tan_y);
+                // A wide angle would put the eye onto an edge of a flat box.
+                let nearest = local.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
+                let z = far_x.min(far_y).min(nearest - NEAREST * radius);
+                (DVec3::new(x, y, z), -z)
+            }
+        };
+        let eye = center + axes.right * eye.x + axes.up * eye.y + axes.forward * eye.z;
+        finite3(["eye E", "eye N", "eye U"], eye)?;
+        Ok(Camera { eye, target: eye + axes.forward * depth, axes, projection })
+    }
+
+    /// Where rays start.
+    pub fn eye(&self) -> DVec3 {
+        self.eye
+    }
+
+    /// What is turned about: a point straight ahead.
+    pub fn target(&self) -> DVec3 {
+        self.target
+    }
+
+    /// Direction of view, length 1.
+    pub fn forward(&self) -> DVec3 {
+        self.axes.forward
+    }
+
+    /// To the right in the picture, length 1, level.
+    pub fn right(&self) -> DVec3 {
+        self.axes.right
+    }
+
+    /// To the top of the picture, length 1.
+    pub fn up(&self) -> DVec3 {
+        self.axes.up
+    }
+
+    /// How rays spread.
+    pub fn projection(&self) -> Projection {
+        self.projection
+    }
+
+    /// Azimuth (0 to 360, clockwise from north) and elevation (positive down), degrees.
+    pub fn angles(&self) -> [f64; 2] {
+        let (f, r) = (self.axes.forward, self.axes.right);
+        let azimuth = (-r.y).atan2(r.x).to_degrees().rem_euclid(360.0);
+        [azimuth, (-f.z).atan2(f.x.hypot(f.y)).to_degrees()]
+    }
+
+    /// The rays of a picture of `width` × `height` pixels.
+    pub fn basis(&self, size: [u32; 2]) -> Result<RayBasis, CameraError> {
+        let [width, height] = checked_size(size)?;
+        let Axes { forward, right, up } = self.axes;
+        // Steps of one pixel and offset of the first pixel's centre, in pixels from the middle.
+        let spread = |step: f64| {
+            let (dx, dy) = (right * step, up * -step);
+            (dx, dy, dx * (0.5 - 0.5 * width) + dy * (0.5 - 0.5 * height))
+        };
+        let still = RayBasis {
+            o0: self.eye,
+            ox: DVec3::ZERO,
+            oy: DVec3::ZERO,
+            d0: forward,
+            dx: DVec3::ZERO,
+            dy: DVec3::ZERO,
+            advanced: 0.0,
+            z_scale: 1.0,
+        };
+        Ok(match self.projection {
+            Projection::Perspective { fov } => {
+                let (dx, dy, first) = spread(2.0 * (fov.to_radians() * 0.5).tan() / height);
+                RayBasis { d0: forward + first, dx, dy, ..still }
+            }
+            Projection::Orthographic { units_per_pixel } => {
+                let (ox, oy, first) = spread(units_per_pixel);
+                RayBasis { o0: self.eye + first, ox, oy, ..still }
+            }
+        })
+    }
+}
+
+fn checked_size([width, height]: [u32; 2]) -> Result<[f64; 2], CameraError> {
+    if width == 0 || height == 0 {
+        Err(CameraError::Size(width, height))
+    } else {
+        Ok([width.into(), height.into()])
+    }
+}
+
+/// Position across and farthest-forward depth of an eye that sees all `points` ([across, depth]) within
+/// the slope `tan` to either side.
+fn fit(points: [[f64; 2]; 8], tan: f64) -> (f64, f64) {
+    // |x - eye_x| ≤ tan (z - eye_z) for all: two bounds on eye_x that meet at the largest eye_z.
+    let low = points.iter().map(|[x, z]| x - tan * z).fold(f64::NEG_INFINITY, f64::max);
+    let high = points.iter().map(|[x, z]| x + tan * z).fold(f64::INFINITY, f64::min);
+    (0.5 * (low + high), (high - low) / (2.0 * tan))
+}
+
+/// The rays of a picture, affine in the pixel: what host, shaders and reference share.
+///
+/// Pixel (px, py) counts from the top left; whole numbers are pixel centres, so a sub-pixel sample lies
+/// within ±½. `direction` is not normalised: without exaggeration its share along the view is 1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RayBasis {
+    /// Origin of the ray of pixel (0, 0).
+    pub o0: DVec3,
+    /// Change of origin from a pixel to the one on its right (zero from an eye).
+    pub ox: DVec3,
+    /// Change of origin from a pixel to the one below.
+    pub oy: DVec3,
+    /// Direction of the ray of pixel (0, 0).
+    pub d0: DVec3,
+    /// Change of direction from a pixel to the one on its right (zero for parallel rays).
+    pub dx: DVec3,
+    /// Change of direction from a pixel to the one below.
+    pub dy: DVec3,
+    /// How many times `direction` the origins lie ahead of the eye.
+    advanced: f64,
+    /// Vertical exaggeration that was undone.
+    z_scale: f64,
+}
+
+impl RayBasis {
+    /// Start of the pixel's ray, world coordinates.
+    pub fn origin(&self, px: f64, py: f64) -> DVec3 {
+        self.o0 + self.ox * px + self.oy * py
+    }
+
+    /// Direction of the pixel's ray.
+    pub fn direction(&self, px: f64, py: f64) -> DVec3 {
+        self.d0 + self.dx * px + self.dy * py
+    }
+
+    /// The same rays with their origins moved on to the plane `depth` CRS units ahead along the direction
+    /// of view, just before the data: from there f32 is enough.
+    pub fn advance(&self, depth: f64) -> RayBasis {
+        RayBasis {
+            o0: self.o0 + self.d0 * depth,
+            ox: self.ox + self.dx * depth,
+            oy: self.oy + self.dy * depth,
+            advanced: self.advanced + depth,
+            ..*self
+        }
+    }
+
+    /// Length of the pixel's `direction` as seen, CRS units: hits at origin + t · direction are
+    /// `t · length + distance_eye_to_plane` away.
+    pub fn length(&self, px: f64, py: f64) -> f64 {
+        let d = self.direction(px, py);
+        DVec3::new(d.x, d.y, d.z * self.z_scale).length()
+    }
+
+    /// Length of the pixel's ray from the eye to the plane it was moved to, as seen, CRS units.
+    pub fn distance_eye_to_plane(&self, px: f64, py: f64) -> f64 {
+        self.advanced * self.length(px, py)
+    }
+
+    /// The rays as they run through unexaggerated data: what is shown at `pivot_u + (U - pivot_u) · z_scale`
+    /// is U. Distances stay those of the shown space, in which camera and eye are given; heights of hits
+    /// are true ones.
+    ///
+    /// Errors: `z_scale` not finite or not above 0, `pivot_u` not finite.
+    pub fn exaggerated(&self, z_scale: f64, pivot_u: f64) -> Result<RayBasis, CameraError> {
+        positive("z scale", z_scale)?;
+        finite("pivot of the z scale", pivot_u)?;
+        let flat = |v: DVec3| DVec3 { z: v.z / z_scale, ..v };
+        Ok(RayBasis {
+            o0: DVec3 { z: pivot_u + (self.o0.z - pivot_u) / z_scale, ..self.o0 },
+            ox: flat(self.ox),
+            oy: flat(self.oy),
+            d0: flat(self.d0),
+            dx: flat(self.dx),
+            dy: flat(self.dy),
+            advanced: self.advanced,
+            z_scale: self.z_scale * z_scale,
+        })
+    }
+
+    /// Smallest depth along the view (the unit of [`RayBasis::advance`]) of a point of the box, at least
+    /// 0; `forward` is the camera's. For shown space, i.e. before [`RayBasis::exaggerated`].
+    pub fn depth_of(&self, bounds: &Bounds, forward: DVec3) -> f64 {
+        bounds.corners().iter().map(|&p| (p - self.o0).dot(forward)).fold(f64::INFINITY, f64::min).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const SIZE: [u32; 2] = [64, 36];
+
+    fn close(a: DVec3, b: DVec3) -> bool {
+        (a - b).length() <= 1e-12 * (1.0 + a.length())
+    }
+
+    /// Pixel coordinates (whole = centre) at which `p` is seen, and its depth.
+    fn project(camera: &Camera, size: [u32; 2], p: DVec3) -> [f64; 3] {
+        let basis = camera.basis(size).unwrap();
+        let z = (p - camera.eye).dot(camera.forward());
+        let per_pixel = match camera.projection {
+            Projection::Perspective { .. } => basis.dx.length() * z,
+            Projection::Orthographic { units_per_pixel } => units_per_pixel,
+        };
+        let x = (p - camera.eye).dot(camera.right()) / per_pixel + f64::from(size[0]) / 2.0 - 0.5;
+        let y = -(p - camera.eye).dot(camera.up()) / per_pixel + f64::from(size[1]) / 2.0 - 0.5;
+        [x, y, z]
+    }
+
+    #[test]
+    fn axes_are_compass_directions() {
+        let at = |az, el| Camera::orbit(DVec3::ZERO, [az, el], 10.0, Projection::default()).unwrap();
+        assert_eq!(at(0.0, 0.0).forward(), DVec3::Y);
+        assert_eq!(at(0.0, 0.0).right(), DVec3::X);
+        assert_eq!(at(0.0, 0.0).up(), DVec3::Z);
+        assert_eq!(at(90.0, 0.0).forward(), DVec3::X);
+        assert_eq!(at(270.0, 0.0).forward(), at(-90.0, 0.0).forward());
+        assert_eq!(at(180.0, 0.0).eye(), DVec3::Y * 10.0);
+        assert!(at(0.0, 35.0).eye().z > 0.0, "positive elevation looks down");
+        for az in [0.0, 90.0, 217.0] {
+            let down = at(az, 90.0);
+            assert_eq!([down.forward(), down.right(), down.up()], [-DVec3::Z, DVec3::X, DVec3::Y]);
+        }
+        let down = Camera::look_at(DVec3::Z * 7.0, DVec3::ZERO, Projection::default()).unwrap();
+        assert_eq!([down.right(), down.up()], [DVec3::X, DVec3::Y], "north is on top");
+    }
+
+    #[test]
+    fn angles_come_back() {
+        for (az, el) in [(0.0, 35.0), (123.0, -20.0), (359.0, 89.0), (45.0, 0.0), (0.0, 90.0)] {
+            let orbit =
+                Camera::orbit(DVec3::new(5e5, 6e6, 30.0), [az, el], 800.0, Projection::default()).unwrap();
+            let looked = Camera::look_at(orbit.eye(), orbit.target(), Projection::default()).unwrap();
+            for camera in [orbit, looked] {
+                let [a, e] = camera.angles();
+                assert!((a - az).abs() < 1e-6 && (e - el).abs() < 1e-6, "{az},{el} became {a},{e}");
+            }
+            assert!((orbit.right() - looked.right()).length() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn pixels_are_where_they_should_be() {
+        let camera = Camera::look_at(DVec3::ZERO, DVec3::Y, Projection::Perspective { fov: 90.0 }).unwrap();
+        let basis = camera.basis([4, 2]).unwrap();
+        // Half-height 1 at depth 1: pixels are 1 wide, centres at ±0.5 and ±1.5.
+        assert!(close(basis.direction(0.0, 0.0), DVec3::new(-1.5, 1.0, 0.5)));
+        assert!(close(basis.direction(3.0, 1.0), DVec3::new(1.5, 1.0, -0.5)));
+        assert!(close(basis.direction(-0.5, -0.5), DVec3::new(-2.0, 1.0, 1.0)));
+        assert_eq!(basis.origin(3.0, 1.0), DVec3::ZERO);
+        assert!((basis.length(0.0, 0.0) - 3.5f64.sqrt()).abs() < 1e-12);
+
+        let map = Projection::Orthographic { units_per_pixel: 0.5 };
+        let basis = Camera::orbit(DVec3::ZERO, [0.0, 90.0], 9.0, map).unwrap().basis([4, 2]).unwrap();
+        assert!(close(basis.origin(0.0, 0.0), DVec3::new(-0.75, 0.25, 9.0)));
+        assert!(close(basis.origin(3.0, 1.0), DVec3::new(0.75, -0.25, 9.0)));
+        assert_eq!(basis.direction(3.0, 1.0), -DVec3::Z);
+    }
+
+    #[test]
+    fn exaggeration_keeps_distances_as_seen() {
+        let camera =
+            Camera::look_at(DVec3::new(0.0, -10.0, 40.0), DVec3::ZERO, Projection::default()).unwrap();
+        let shown = camera.basis(SIZE).unwrap();
+        let truth = shown.exaggerated(2.0, 8.0).unwrap().advance(3.0);
+        for (px, py) in [(0.0, 0.0), (63.0, 35.0), (20.5, 7.25)] {
+            let t = 5.0;
+            let p = truth.origin(px, py) + truth.direction(px, py) * t;
+            let seen = DVec3 { z: 8.0 + (p.z - 8.0) * 2.0, ..p };
+            assert!(close(seen, shown.origin(px, py) + shown.direction(px, py) * (3.0 + t)));
+            let distance = truth.distance_eye_to_plane(px, py) + t * truth.length(px, py);
+            assert!((distance - (seen - camera.eye()).length()).abs() < 1e-9);
+        }
+        assert!(shown.exaggerated(0.0, 0.0).is_err() && shown.exaggerated(1.0, f64::NAN).is_err());
+    }
+
+    #[test]
+    fn nonsense_is_named() {
+        let p = Projection::default();
+        let message = |r: Result<Camera, CameraError>| r.unwrap_err().to_string();
+        assert_eq!(
+            message(Camera::look_at(DVec3::ONE, DVec3::ONE, p)),
+            "eye and target are both at 1,1,1: the camera has no direction"
+        );
+        assert_eq!(message(Camera::look_at(DVec3::NAN, DVec3::ONE, p)), "eye E is NaN: it must be finite");
+        assert!(Camera::look_at(DVec3::ZERO, DVec3::X * 1e300, p).is_err(), "length overflows");
+        for fov in [0.0, 180.0, -3.0, f64::NAN, f64::INFINITY] {
+            let r = Camera::look_at(DVec3::ZERO, DVec3::X, Projection::Perspective { fov });
+            assert!(matches!(r, Err(CameraError::Fov(_))));
+        }
+        for units_per_pixel in [0.0, -1.0, f64::NAN] {
+            assert!(
+                Camera::look_at(DVec3::ZERO, DVec3::X, Projection::Orthographic { units_per_pixel }).is_err()
+            );
+        }
+        for distance in [0.0, -1.0, f64::INFINITY, 1e-300] {
+            assert!(Camera::orbit(DVec3::ONE, [0.0, 0.0], distance, p).is_err());
+        }
+        for angles in [[f64::NAN, 0.0], [0.0, f64::NAN], [0.0, 90.1], [0.0, -91.0]] {
+            assert!(Camera::orbit(DVec3::ONE, angles, 1.0, p).is_err());
+        }
+        let camera = Camera::look_at(DVec3::ZERO, DVec3::X, p).unwrap();
+        assert_eq!(camera.basis([0, 5]), Err(CameraError::Size(0, 5)));
+        let endless = Bounds { min: DVec3::ZERO, max: DVec3::INFINITY };
+        assert!(Camera::frame(&endless, DEFAULT_ORBIT, p, SIZE).is_err());
+    }
+
+    #[test]
+    fn a_lone_point_is_framed() {
+        let p = DVec3::new(500_000.0, 6_000_000.0, 3.0);
+        let camera =
+            Camera::frame(&Bounds { min: p, max: p }, DEFAULT_ORBIT, Projection::default(), SIZE).unwrap();
+        let [x, y, depth] = project(&camera, SIZE, p);
+        assert!((x - 31.5).abs() < 3.0 && (y - 17.5).abs() < 3.0 && (0.5..10.0).contains(&depth));
+        assert!(camera.angles()[0].min(360.0 - camera.angles()[0]) < 1e-9);
+    }
+
+    proptest! {
+        #[test]
+        fn framing_is_tight(
+            x in 1.0f64..5000.0, y in 1.0f64..5000.0, z in 0.0f64..500.0,
+            az in -360.0f64..360.0, el in -90.0f64..=90.0, fov in 5.0f64..120.0,
+            width in 1u32..2000, height in 1u32..2000,
+        ) {
+            let min = DVec3::new(500_000.0, 6_000_000.0, 100.0);
+            let bounds = Bounds { min, max: min + DVec3::new(x, y, z) };
+            let size = [width, height];
+            let camera = Camera::frame(&bounds, [az, el], Projection::Perspective { fov }, size).unwrap();
+            // Widest use of the half-picture by a corner: 1 = at the border.
+            let mut fill: f64 = 0.0;
+            let mut nearest = f64::INFINITY;
+            for p in bounds.corners() {
+                let [px, py, depth] = project(&camera, size, p);
+                nearest = nearest.min(depth);
+                fill = fill.max(((px + 0.5) * 2.0 / f64::from(width) - 1.0).abs());
+                fill = fill.max(((py + 0.5) * 2.0 / f64::from(height) - 1.0).abs());
+            }
+            let least = NEAREST * 0.5 * (bounds.max - bounds.min).length();
+            prop_assert!(nearest > least * 0.999);
+            prop_assert!(fill < FRAME_FILL + 1e-5, "fills {fill}");
+            prop_assert!(fill > FRAME_FILL - 1e-5 || nearest < least * 1.001, "fills {fill}");
+        }
+
+        #[test]
+        fn advancing_moves_along_the_same_ray(
+            depth in -100.0f64..60_000.0, px in -0.5f64..63.5, py in -0.5f64..35.5, parallel: bool,
+        ) {
+            let projection = if parallel { Projection::Orthographic { units_per_pixel: 2.0 } }
+                else { Projection::Perspective { fov: 30.0 } };
+            let camera = Camera::look_at(DVec3::new(5e5, 6e6, 900.0), DVec3::new(5.1e5, 6.02e6, 0.0), projection).unwrap();
+            let near = camera.basis(SIZE).unwrap();
+            let far = near.advance(depth * 0.25).advance(depth * 0.75);
+            let moved = far.origin(px, py) - near.origin(px, py);
+            prop_assert!((moved.dot(camera.forward()) - depth).abs() < 1e-6);
+            prop_assert!(moved.cross(near.direction(px, py)).length() < 1e-6);
+            prop_assert!((far.distance_eye_to_plane(px, py).abs() - moved.length()).abs() < 1e-6);
+            prop_assert_eq!(far.direction(px, py), near.direction(px, py));
+        }
+    }
+}

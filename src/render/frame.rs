@@ -1,0 +1,476 @@
+//! One picture of a scene: the passes of a frame, and what comes back.
+
+use super::camera::{Camera, CameraError, RayBasis};
+use super::image::Image;
+use crate::attribute::{ColorMode, ColorTable};
+use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height, SECTION_LOG2};
+use crate::gpu::{Binding, Buffer, BufferCopy, ComputePipeline, GpuError, MemoryKind, SyncPoint, shaders};
+use crate::stream::pool::Access;
+use crate::stream::scene::Scene;
+use crate::stream::table::{Entry, Table};
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// Which traversal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Traversal {
+    /// Table, pyramid, column.
+    Fast,
+    /// Seed of the field: the plain algorithm of the thesis, §3.2.3.
+    Plain,
+}
+
+/// What is behind the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Background {
+    /// A soft sky.
+    Sky,
+    /// White.
+    White,
+    /// Nothing: transparent.
+    None,
+}
+
+/// How hits are coloured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Shade {
+    /// Exactly the column's colour.
+    None,
+    /// Sun and sky.
+    Lit,
+}
+
+/// A picture to be made.
+#[derive(Clone, Debug)]
+pub struct View<'a> {
+    /// From where.
+    pub camera: &'a Camera,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+    /// Rays a pixel.
+    pub samples: u32,
+    /// Vertical exaggeration about `pivot`.
+    pub z_scale: f64,
+    /// Height that stays where it is, CRS units.
+    pub pivot: f64,
+    /// Colour of hits.
+    pub colors: &'a ColorTable,
+    /// Light.
+    pub shade: Shade,
+    /// What is behind.
+    pub background: Background,
+    /// Which traversal.
+    pub traversal: Traversal,
+}
+
+/// What went wrong with a picture.
+#[derive(Debug, thiserror::Error)]
+pub enum FrameError {
+    /// The device.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The camera.
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    /// More pixels than the device can write at once.
+    #[error("{width}x{height} pixels need {bytes} bytes in one buffer, the device's limit is {limit}")]
+    Size {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+        /// Needed.
+        bytes: u64,
+        /// The device's.
+        limit: u64,
+    },
+}
+
+/// Mirrors `Frame` in `shaders/frame.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct FrameConstants {
+    table: [u32; 2],
+    hits: [u32; 2],
+    colors: [u32; 2],
+    ramp: [u32; 2],
+    table_mask: u32,
+    top_level: u32,
+    low: [i32; 2],
+    high: [i32; 2],
+    size: [u32; 2],
+    origin_int: [i32; 3],
+    origin_fraction: [u32; 3],
+    right_int: [i32; 3],
+    right_fraction: [u32; 3],
+    down_int: [i32; 3],
+    down_fraction: [u32; 3],
+    forward: [f32; 3],
+    right: [f32; 3],
+    down: [f32; 3],
+    to_local: [f32; 3],
+    height_anchor: i32,
+    shade: u32,
+    color_source: u32,
+    range_low: u32,
+    range_scale: f32,
+    cell_steps: f32,
+    sun: [f32; 3],
+    background: u32,
+}
+
+/// Mirrors the push constants of `shaders/frame.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Push {
+    frame: [u32; 2],
+    sample_at: [i32; 2],
+    sample_index: u32,
+    sample_weight: f32,
+}
+
+/// Mirrors a hit record after shading.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Hit {
+    t: f32,
+    /// Class (256: a miss) | origin << 9 | face << 12.
+    bits: u32,
+    unused: u32,
+    /// Lattice steps from the anchor.
+    top: i32,
+}
+
+const BYTES_PER_PIXEL: u64 = 16;
+const FACE_TOP: u32 = 0;
+
+/// Pixels a workgroup covers: upright strips keep rays of one column of pixels together.
+const GROUP: [u32; 2] = [8, 8];
+
+/// Buffers that exist once for every frame in flight.
+struct InFlight {
+    frame: Buffer,
+    table: Buffer,
+    ramp: Buffer,
+}
+
+/// Buffers of one picture size.
+struct Target {
+    size: [u32; 2],
+    hits: Buffer,
+    colors: Buffer,
+    hits_back: Buffer,
+    colors_back: Buffer,
+}
+
+/// Makes pictures of a scene.
+pub struct Renderer {
+    trace: ComputePipeline,
+    plain: ComputePipeline,
+    shade: ComputePipeline,
+    access: Access,
+    in_flight: Vec<Option<InFlight>>,
+    target: Option<Target>,
+    /// Lattice height of local height 0.
+    anchor: Height,
+    grid: Grid,
+}
+
+fn halves(address: u64) -> [u32; 2] {
+    [address as u32, (address >> 32) as u32]
+}
+
+/// 32.32 fixed point, held to the range.
+fn fixed(value: f64) -> (i32, u32) {
+    let scaled = (value * 4_294_967_296.0).round();
+    let bits = scaled.clamp(-9.2e18, 9.2e18) as i64;
+    ((bits >> 32) as i32, bits as u32)
+}
+
+fn fixed3(v: DVec3) -> ([i32; 3], [u32; 3]) {
+    let parts = v.to_array().map(fixed);
+    (parts.map(|p| p.0), parts.map(|p| p.1))
+}
+
+impl Renderer {
+    /// For scenes on `grid`, with heights counted from `anchor` on the device.
+    pub fn new(scene: &Scene, grid: Grid, anchor: Height) -> Result<Renderer, GpuError> {
+        let access = scene.pool().access();
+        let pass = |name, by_address, by_buffer| {
+            let (words, buffers) = match access {
+                Access::Address => (by_address, 0),
+                Access::StorageBuffer => (by_buffer, 6),
+            };
+            let constants = [(0, GROUP[0]), (1, GROUP[1])];
+            ComputePipeline::new(scene.gpu(), name, words, &constants, size_of::<Push>() as u32, buffers)
+        };
+        Ok(Renderer {
+            trace: pass("trace", shaders::TRACE, shaders::TRACE_SSBO)?,
+            plain: pass("plain", shaders::PLAIN, shaders::PLAIN_SSBO)?,
+            shade: pass("shade", shaders::SHADE, shaders::SHADE_SSBO)?,
+            access,
+            in_flight: Vec::new(),
+            target: None,
+            anchor,
+            grid,
+        })
+    }
+
+    /// Draws `view` and waits for it.
+    pub fn draw(&mut self, scene: &mut Scene, view: &View) -> Result<Image, FrameError> {
+        let entries = scene.entries();
+        let shown = view.camera.basis(view.size)?;
+        let depth = self.depth_before(&shown, view, &entries);
+        let shown = shown.advance(depth);
+        let rays = shown.exaggerated(view.z_scale, view.pivot)?;
+        let point = self.submit(scene, view, &entries, &shown, &rays)?;
+        let target = self.target.as_ref().expect("submit made it");
+        let pixels = view.size[0] as usize * view.size[1] as usize;
+        let mut hits = vec![Hit::zeroed(); pixels];
+        let mut colors = vec![[0f32; 4]; pixels];
+        scene.order.read(point, &target.hits_back, 0, bytemuck::cast_slice_mut(&mut hits))?;
+        scene.order.read(point, &target.colors_back, 0, bytemuck::cast_slice_mut(&mut colors))?;
+        Ok(self.finish(view, &shown, &rays, &hits, colors))
+    }
+
+    /// How far along the view nothing can be hit: in f64, so that the device starts near the data.
+    fn depth_before(&self, shown: &RayBasis, view: &View, entries: &[Entry]) -> f64 {
+        let [w, h] = view.size.map(f64::from);
+        let corners = [(-0.5, -0.5), (w - 0.5, -0.5), (-0.5, h - 0.5), (w - 0.5, h - 0.5)];
+        let forward = view.camera.forward();
+        let depth_of = |p: DVec3| (p - shown.origin(w * 0.5 - 0.5, h * 0.5 - 0.5)).dot(forward);
+        let boxes = || {
+            entries.iter().map(|e| {
+                let side = self.grid.cell() * f64::from(1u32 << (SECTION_LOG2 + u32::from(e.key.level)));
+                let cells = i64::from(1u32 << SECTION_LOG2) << e.key.level;
+                let low = [e.key.i, e.key.j].map(i64::from);
+                let west = (low[0] * cells + self.grid.anchor[0]) as f64 * self.grid.cell();
+                let south = (low[1] * cells + self.grid.anchor[1]) as f64 * self.grid.cell();
+                let top = view.pivot + (e.top.units() - view.pivot) * view.z_scale;
+                ([west, south, west + side, south + side], top)
+            })
+        };
+        let corners_at = |b: [f64; 4], z: f64| {
+            [(b[0], b[1]), (b[2], b[1]), (b[0], b[3]), (b[2], b[3])].map(|(x, y)| depth_of(DVec3::new(x, y, z)))
+        };
+        // Columns are solid without end: the lowest point that a ray of the picture can reach over the data.
+        let farthest = boxes().flat_map(|(b, top)| corners_at(b, top)).fold(0.0, f64::max);
+        let lowest = corners
+            .iter()
+            .map(|&(x, y)| (shown.origin(x, y) + shown.direction(x, y) * farthest).z.min(shown.origin(x, y).z))
+            .fold(f64::INFINITY, f64::min);
+        let nearest = boxes()
+            .flat_map(|(b, top)| [corners_at(b, top), corners_at(b, lowest.min(top))].concat())
+            .fold(f64::INFINITY, f64::min);
+        // A cell before it, so that rounding cannot reach the data.
+        let depth = nearest - self.grid.cell();
+        if depth.is_finite() { (depth * 16.0).floor().max(0.0) / 16.0 } else { 0.0 }
+    }
+
+    fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2]) -> Result<(), FrameError> {
+        let gpu = scene.gpu();
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let bytes = pixels * BYTES_PER_PIXEL;
+        let limit = match self.access {
+            Access::Address => gpu.limits().buffer_bytes.min(gpu.limits().allocation_bytes),
+            Access::StorageBuffer => gpu.limits().storage_buffer_range,
+        };
+        let groups = [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1])];
+        let allowed = gpu.limits().workgroups;
+        if bytes > limit || groups[0] > allowed[0] || groups[1] > allowed[1] {
+            return Err(FrameError::Size { width: size[0], height: size[1], bytes, limit });
+        }
+        if self.target.as_ref().is_none_or(|t| t.size != size) {
+            self.target = None;
+            self.target = Some(Target {
+                size,
+                hits: Buffer::new(gpu, "hits", MemoryKind::Device, bytes)?,
+                colors: Buffer::new(gpu, "colors", MemoryKind::Device, bytes)?,
+                hits_back: Buffer::new(gpu, "hits read back", MemoryKind::Readback, bytes)?,
+                colors_back: Buffer::new(gpu, "colors read back", MemoryKind::Readback, bytes)?,
+            });
+        }
+        self.in_flight.resize_with(self.in_flight.len().max(slot + 1), || None);
+        Ok(())
+    }
+
+    fn submit(
+        &mut self,
+        scene: &mut Scene,
+        view: &View,
+        entries: &[Entry],
+        shown: &RayBasis,
+        rays: &RayBasis,
+    ) -> Result<SyncPoint, FrameError> {
+        let (mut commands, slot) = scene.order.begin_frame("frame")?;
+        self.prepare(scene, slot, view.size)?;
+        let table = Table::build(entries, self.anchor);
+        let table_bytes: &[u8] = bytemuck::cast_slice(&table.slots);
+        let gpu = scene.gpu().clone();
+        let kept = self.in_flight[slot].take().filter(|f| f.table.size() >= table_bytes.len() as u64);
+        let buffers = match kept {
+            Some(buffers) => buffers,
+            None => {
+                let make = |name: &str, size| Buffer::new(&gpu, name, MemoryKind::Upload, size);
+                InFlight {
+                    frame: make("frame constants", size_of::<FrameConstants>() as u64)?,
+                    table: make("section table", table_bytes.len() as u64)?,
+                    ramp: make("colour ramp", 256 * 16)?,
+                }
+            }
+        };
+        let target = self.target.as_ref().expect("prepared");
+        let constants = self.constants(view, &table, shown, rays, &buffers, target);
+        buffers.table.write(0, table_bytes);
+        buffers.ramp.write(0, bytemuck::cast_slice(view.colors.table.as_slice()));
+        buffers.frame.write(0, bytemuck::bytes_of(&constants));
+
+        let trace = match view.traversal {
+            Traversal::Fast => &self.trace,
+            Traversal::Plain => &self.plain,
+        };
+        let groups = [view.size[0].div_ceil(GROUP[0]), view.size[1].div_ceil(GROUP[1]), 1];
+        for buffer in [&buffers.frame, &buffers.table, &buffers.ramp, &target.hits, &target.colors] {
+            commands.keep(buffer.clone());
+        }
+        scene.pool().buffers().for_each(|b| commands.keep(b.clone()));
+        let bindings = |program: &ComputePipeline| -> Result<Option<Binding>, GpuError> {
+            if self.access == Access::Address {
+                return Ok(None);
+            }
+            // An empty scene has no page; the table is never followed into it.
+            let pool = scene.pool().buffers().next().unwrap_or(&buffers.table);
+            let all = [pool, &buffers.table, &buffers.frame, &target.hits, &target.colors, &buffers.ramp];
+            program.binding(&all).map(Some)
+        };
+        let (trace_binding, shade_binding) = (bindings(trace)?, bindings(&self.shade)?);
+        for sample in 0..view.samples.max(1) {
+            let push = Push {
+                frame: halves(buffers.frame.address()),
+                sample_at: sample_at(sample, view.samples.max(1)),
+                sample_index: sample,
+                sample_weight: 1.0 / view.samples.max(1) as f32,
+            };
+            for (program, binding) in [(trace, &trace_binding), (&self.shade, &shade_binding)] {
+                if sample > 0 || std::ptr::eq(program, &self.shade) {
+                    scene.order.next_pass(&mut commands);
+                }
+                commands.bind(program);
+                commands.push(bytemuck::bytes_of(&push));
+                if let Some(binding) = binding {
+                    commands.bind_buffers(binding);
+                }
+                commands.dispatch(groups);
+            }
+        }
+        let all = BufferCopy { from: 0, to: 0, size: target.hits.size() };
+        let copies = [(&target.hits, &target.hits_back, all), (&target.colors, &target.colors_back, all)];
+        scene.order.readback(&mut commands, &copies);
+        let point = scene.order.submit(commands)?;
+        scene.drawn(point);
+        self.in_flight[slot] = Some(buffers);
+        Ok(point)
+    }
+
+    fn constants(
+        &self,
+        view: &View,
+        table: &Table,
+        shown: &RayBasis,
+        rays: &RayBasis,
+        buffers: &InFlight,
+        target: &Target,
+    ) -> FrameConstants {
+        let [w, h] = view.size.map(f64::from);
+        let cell = self.grid.cell();
+        let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, HEIGHT_STEPS_PER_UNIT);
+        let anchor = DVec3::new(self.grid.anchor[0] as f64, self.grid.anchor[1] as f64, f64::from(self.anchor.0));
+        let place = match self.access {
+            Access::Address => |b: &Buffer| halves(b.address()),
+            Access::StorageBuffer => |_: &Buffer| [0; 2],
+        };
+        let (origin_int, origin_fraction) = fixed3(rays.origin(-0.5, -0.5) * per_unit - anchor);
+        let (right_int, right_fraction) = fixed3(rays.ox / 16.0 * per_unit);
+        let (down_int, down_fraction) = fixed3(rays.oy / 16.0 * per_unit);
+        // From the north-west, 45° high, as on maps.
+        let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
+        FrameConstants {
+            table: place(&buffers.table),
+            hits: place(&target.hits),
+            colors: place(&target.colors),
+            ramp: place(&buffers.ramp),
+            table_mask: table.slots.len() as u32 - 1,
+            top_level: table.top_level,
+            low: table.low,
+            high: table.high,
+            size: view.size,
+            origin_int,
+            origin_fraction,
+            right_int,
+            right_fraction,
+            down_int,
+            down_fraction,
+            forward: shown.direction(w * 0.5 - 0.5, h * 0.5 - 0.5).as_vec3().to_array(),
+            right: (shown.dx / 16.0).as_vec3().to_array(),
+            down: (shown.dy / 16.0).as_vec3().to_array(),
+            to_local: (per_unit / DVec3::new(1.0, 1.0, view.z_scale)).as_vec3().to_array(),
+            height_anchor: self.anchor.0,
+            shade: u32::from(view.shade == Shade::Lit),
+            color_source: match view.colors.mode {
+                ColorMode::Rgb => 0,
+                ColorMode::Height => 1,
+                ColorMode::Class => 2,
+                ColorMode::Intensity => 3,
+                ColorMode::Return => 4,
+            },
+            range_low: view.colors.lo,
+            range_scale: view.colors.scale,
+            cell_steps: (cell * HEIGHT_STEPS_PER_UNIT / view.z_scale) as f32,
+            sun: sun.as_vec3().to_array(),
+            background: match view.background {
+                Background::None => 0,
+                Background::White => 1,
+                Background::Sky => 2,
+            },
+        }
+    }
+
+    /// Channels of the picture: distances and heights in f64 from what the device found.
+    fn finish(&self, view: &View, shown: &RayBasis, rays: &RayBasis, hits: &[Hit], colors: Vec<[f32; 4]>) -> Image {
+        let [width, height] = view.size;
+        let mut image = Image::new(view.size);
+        for (at, (hit, color)) in hits.iter().zip(colors).enumerate() {
+            image.color[at] = color;
+            let class = hit.bits & 0x1FF;
+            image.class[at] = class;
+            if class == 256 {
+                continue;
+            }
+            let (px, py) = (f64::from(at as u32 % width), f64::from(at as u32 / width));
+            let t = f64::from(hit.t);
+            image.distance[at] = (shown.distance_eye_to_plane(px, py) + t) as f32;
+            image.origin[at] = hit.bits >> 9 & 7;
+            image.hit_height[at] = if hit.bits >> 12 == FACE_TOP {
+                Height(hit.top.wrapping_add(self.anchor.0)).units() as f32
+            } else {
+                let along = rays.direction(px, py).z / rays.length(px, py);
+                (rays.origin(px, py).z + t * along) as f32
+            };
+        }
+        image
+    }
+}
+
+/// Where in a pixel its sample lies, sixteenths from the top left corner. One: the centre; more: a lattice
+/// that puts each into a row and a column of its own.
+fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
+    if samples == 1 {
+        return [8, 8];
+    }
+    // The R2 sequence: low discrepancy for any count.
+    let at = |step: f64| ((0.5 + f64::from(sample) * step).fract() * 16.0) as i32;
+    match (samples, sample) {
+        (4, k) => [[6, 2], [14, 6], [2, 10], [10, 14]][k as usize],
+        _ => [at(0.754_877_666_246_693), at(0.569_840_290_998_053)],
+    }
+}

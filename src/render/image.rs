@@ -1,0 +1,430 @@
+//! The picture in memory, and the files it is written to.
+
+use crate::attribute::linear_to_srgb;
+use crate::render::camera::RayBasis;
+use crate::render::whole_file::write_whole;
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Layer, LayerAttributes, Text,
+    WritableImage,
+};
+use std::borrow::Cow;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// Written into every picture.
+const SOFTWARE: &str = concat!("lasray ", env!("CARGO_PKG_VERSION"));
+
+/// Class of a pixel that hit nothing.
+pub const MISS_CLASS: u32 = 256;
+
+/// What cannot be written, and why.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// The system or the encoder refuses.
+    #[error("{path}: cannot be written: {reason}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// No pixels.
+    #[error("{path}: cannot be written: the picture has no pixels")]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Neither PNG nor EXR.
+    #[error("{path}: pictures are written as .png or .exr")]
+    Extension {
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// Planes of `width` × `height` pixels, row by row from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// R, G, B linear and multiplied by A; A is the share of the pixel that is covered.
+    pub color: Vec<[f32; 4]>,
+    /// From eye to hit along the ray, CRS units; +inf on a miss.
+    pub distance: Vec<f32>,
+    /// U of the hit, CRS units; 0 on a miss.
+    pub hit_height: Vec<f32>,
+    /// ASPRS class; [`MISS_CLASS`] on a miss.
+    pub class: Vec<u32>,
+    /// How the thing hit came to be (measured, bridged, …); 0 on a miss.
+    pub origin: Vec<u32>,
+}
+
+/// Key and value of a text that goes into the file, e.g. the camera as typed. Keys: 1 to 79 ASCII letters.
+pub type Note<'a> = (&'a str, &'a str);
+
+impl Image {
+    /// A picture in which no ray hits.
+    pub fn new([width, height]: [u32; 2]) -> Image {
+        let pixels = width as usize * height as usize;
+        Image {
+            width,
+            height,
+            color: vec![[0.0; 4]; pixels],
+            distance: vec![f32::INFINITY; pixels],
+            hit_height: vec![0.0; pixels],
+            class: vec![MISS_CLASS; pixels],
+            origin: vec![0; pixels],
+        }
+    }
+
+    /// Writes PNG or EXR, by the extension of `path`; `alpha` (of a PNG) as in [`Image::write_png`].
+    pub fn write(&self, path: &Path, alpha: bool, notes: &[Note]) -> Result<(), ImageError> {
+        match Format::of(path)? {
+            Format::Png => self.write_png(path, alpha, notes),
+            Format::Exr => self.write_exr(path, notes),
+        }
+    }
+
+    /// Writes 8-bit sRGB; with `alpha` (not premultiplied) for pictures without background, else the
+    /// colours as they are.
+    pub fn write_png(&self, path: &Path, alpha: bool, notes: &[Note]) -> Result<(), ImageError> {
+        self.check(path)?;
+        whole(path, |out| {
+            let mut encoder = png::Encoder::new(out, self.width, self.height);
+            encoder.set_color(if alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
+            encoder.set_depth(png::BitDepth::Eight);
+            encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+            encoder.add_text_chunk("Software".to_owned(), SOFTWARE.to_owned())?;
+            for &(key, value) in notes {
+                if value.is_ascii() {
+                    encoder.add_text_chunk(key.to_owned(), value.to_owned())?;
+                } else {
+                    encoder.add_itxt_chunk(key.to_owned(), value.to_owned())?;
+                }
+            }
+            let mut writer = encoder.write_header()?;
+            let mut stream = writer.stream_writer()?;
+            let mut row = Vec::new();
+            for pixels in self.color.chunks(self.width.max(1) as usize) {
+                row.clear();
+                for &pixel in pixels {
+                    row.extend_from_slice(&encode(pixel, alpha)[..if alpha { 4 } else { 3 }]);
+                }
+                stream.write_all(&row)?;
+            }
+            stream.finish()?;
+            Ok(writer.finish()?)
+        })
+    }
+
+    /// Writes channels `R G B A distance height` (f32) and `class origin` (UINT), losslessly packed.
+    pub fn write_exr(&self, path: &Path, notes: &[Note]) -> Result<(), ImageError> {
+        self.check(path)?;
+        let color = |k: usize| FlatSamples::F32(self.color.iter().map(|c| c[k]).collect());
+        let channels = [
+            ("R", color(0)),
+            ("G", color(1)),
+            ("B", color(2)),
+            ("A", color(3)),
+            ("distance", FlatSamples::F32(self.distance.clone())),
+            ("height", FlatSamples::F32(self.hit_height.clone())),
+            ("class", FlatSamples::U32(self.class.clone())),
+            ("origin", FlatSamples::U32(self.origin.clone())),
+        ];
+        let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
+        // EXR texts are one byte a letter.
+        let text = |s: &str| {
+            let plain =
+                if s.is_ascii() { Cow::Borrowed(s) } else { Cow::Owned(s.escape_default().to_string()) };
+            Text::from(plain.as_ref())
+        };
+        let mut attributes =
+            LayerAttributes { software_name: Some(text(SOFTWARE)), ..LayerAttributes::default() };
+        for (key, value) in notes {
+            attributes.other.insert(text(key), AttributeValue::Text(text(value)));
+        }
+        let layer = Layer::new(
+            (self.width as usize, self.height as usize),
+            attributes,
+            Encoding::SMALL_LOSSLESS,
+            AnyChannels::sort(channels),
+        );
+        let image = exr::prelude::Image::from_layer(layer);
+        whole(path, |out| Ok(image.write().to_buffered(out)?))
+    }
+
+    /// The EXR encoder panics on a picture without pixels.
+    fn check(&self, path: &Path) -> Result<(), ImageError> {
+        let pixels = self.width as usize * self.height as usize;
+        let planes = [
+            self.color.len(),
+            self.distance.len(),
+            self.hit_height.len(),
+            self.class.len(),
+            self.origin.len(),
+        ];
+        assert!(planes.iter().all(|&n| n == pixels), "planes of {planes:?} pixels for {pixels}");
+        if pixels > 0 { Ok(()) } else { Err(ImageError::Empty { path: path.to_owned() }) }
+    }
+}
+
+/// What a picture is written as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// 8-bit sRGB.
+    Png,
+    /// Colours and measured values in full.
+    Exr,
+}
+
+impl Format {
+    /// By the extension, in any case; so that a wrong one is refused before anything is drawn.
+    pub fn of(path: &Path) -> Result<Format, ImageError> {
+        let is = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
+        if is("png") {
+            Ok(Format::Png)
+        } else if is("exr") {
+            Ok(Format::Exr)
+        } else {
+            Err(ImageError::Extension { path: path.to_owned() })
+        }
+    }
+}
+
+/// Premultiplied linear → 8-bit sRGB; not premultiplied when `alpha` is kept.
+fn encode([r, g, b, a]: [f32; 4], alpha: bool) -> [u8; 4] {
+    let divisor = if alpha && a > 0.0 { a } else { 1.0 };
+    let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let [r, g, b] = [r, g, b].map(|v| byte(linear_to_srgb((v / divisor).clamp(0.0, 1.0))));
+    [r, g, b, byte(a)]
+}
+
+/// Errors of both encoders and of the system, as words.
+struct Reason(String);
+
+impl From<io::Error> for Reason {
+    fn from(e: io::Error) -> Reason {
+        Reason(e.to_string())
+    }
+}
+
+impl From<png::EncodingError> for Reason {
+    fn from(e: png::EncodingError) -> Reason {
+        Reason(e.to_string())
+    }
+}
+
+impl From<exr::error::Error> for Reason {
+    fn from(e: exr::error::Error) -> Reason {
+        Reason(e.to_string())
+    }
+}
+
+fn whole(
+    path: &Path,
+    write: impl FnOnce(&mut io::BufWriter<&std::fs::File>) -> Result<(), Reason>,
+) -> Result<(), ImageError> {
+    write_whole(path, write).map_err(|Reason(reason)| ImageError::Write { path: path.to_owned(), reason })
+}
+
+/// Pixel → world of a map: E = a · column + b · row + c, N = d · column + e · row + f, at pixel centres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldFile {
+    /// E a pixel to the right.
+    pub a: f64,
+    /// N a pixel to the right.
+    pub d: f64,
+    /// E a pixel down.
+    pub b: f64,
+    /// N a pixel down.
+    pub e: f64,
+    /// E of the first pixel's centre.
+    pub c: f64,
+    /// N of the first pixel's centre.
+    pub f: f64,
+}
+
+impl WorldFile {
+    /// Of parallel rays straight down; `None` for any other view, which is no map.
+    pub fn of(basis: &RayBasis) -> Option<WorldFile> {
+        let plumb = basis.d0.x == 0.0 && basis.d0.y == 0.0 && basis.d0.z < 0.0;
+        let parallel = basis.dx.length_squared() + basis.dy.length_squared() == 0.0;
+        // Adding zero turns -0 into 0.
+        (plumb && parallel).then_some(WorldFile {
+            a: basis.ox.x + 0.0,
+            d: basis.ox.y + 0.0,
+            b: basis.oy.x + 0.0,
+            e: basis.oy.y + 0.0,
+            c: basis.o0.x,
+            f: basis.o0.y,
+        })
+    }
+
+    /// The same in another unit (E and N factors), e.g. back from metres to degrees.
+    pub fn scaled(&self, [e, n]: [f64; 2]) -> WorldFile {
+        WorldFile { a: self.a * e, d: self.d * n, b: self.b * e, e: self.e * n, c: self.c * e, f: self.f * n }
+    }
+
+    /// Writes it beside the picture, as `.pgw` for a PNG and `.wld` for others; gives the path.
+    pub fn write_beside(&self, picture: &Path) -> Result<PathBuf, ImageError> {
+        let png = Format::of(picture).is_ok_and(|f| f == Format::Png);
+        let path = picture.with_extension(if png { "pgw" } else { "wld" });
+        let WorldFile { a, d, b, e, c, f } = self;
+        whole(&path, |out| Ok(write!(out, "{a}\n{d}\n{b}\n{e}\n{c}\n{f}\n")?))?;
+        Ok(path)
+    }
+}
+
+/// Writes the CRS, as WKT, beside the picture into a `.prj`; gives the path.
+pub fn write_prj_beside(picture: &Path, wkt: &str) -> Result<PathBuf, ImageError> {
+    let path = picture.with_extension("prj");
+    whole(&path, |out| Ok(out.write_all(wkt.as_bytes())?))?;
+    Ok(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attribute::srgb_to_linear;
+    use crate::render::camera::{Camera, Projection};
+    use glam::DVec3;
+    use std::fs::{self, File};
+    use std::io::BufReader;
+
+    /// 3 × 2 pixels, all planes different in all pixels, the last one a miss.
+    fn picture() -> Image {
+        let mut image = Image::new([3, 2]);
+        for k in 0..5 {
+            let v = k as f32;
+            image.color[k] = [0.1 * v, 0.2, 1.0 - 0.1 * v, 1.0];
+            image.distance[k] = 1000.125 + v;
+            image.hit_height[k] = -3.5 * v;
+            image.class[k] = 250 + k as u32;
+            image.origin[k] = k as u32;
+        }
+        image
+    }
+
+    fn read_png(path: &Path) -> (Vec<u8>, png::Info<'static>) {
+        let mut reader = png::Decoder::new(BufReader::new(File::open(path).unwrap())).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut bytes).unwrap();
+        reader.finish().unwrap();
+        (bytes, reader.info().clone())
+    }
+
+    #[test]
+    fn exr_keeps_every_bit() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("größe.exr");
+        let image = picture();
+        image.write(&path, false, &[("camera", "--eye 1,2,3"), ("input", "größe.laz")]).unwrap();
+        let read = exr::prelude::read_all_flat_layers_from_file(&path).unwrap();
+        let [layer] = &read.layer_data[..] else { panic!("one layer expected") };
+        assert_eq!((layer.size.0, layer.size.1), (3, 2));
+        let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+        assert_eq!(names, ["A", "B", "G", "R", "class", "distance", "height", "origin"]);
+        let samples = |name: &str| {
+            let channel = layer.channel_data.list.iter().find(|c| c.name.eq_case_insensitive(name));
+            &channel.unwrap().sample_data
+        };
+        let floats = |name: &str| match samples(name) {
+            FlatSamples::F32(v) => v.clone(),
+            other => panic!("{name} is {other:?}"),
+        };
+        let words = |name: &str| match samples(name) {
+            FlatSamples::U32(v) => v.clone(),
+            other => panic!("{name} is {other:?}"),
+        };
+        for (k, name) in ["R", "G", "B", "A"].into_iter().enumerate() {
+            assert_eq!(floats(name), image.color.iter().map(|c| c[k]).collect::<Vec<_>>());
+        }
+        assert_eq!((floats("distance"), floats("height")), (image.distance, image.hit_height));
+        assert_eq!((words("class"), words("origin")), (image.class, image.origin));
+        assert_eq!(layer.attributes.software_name, Some(Text::from(SOFTWARE)));
+        let camera = layer.attributes.other.get(&Text::from("camera"));
+        assert_eq!(camera, Some(&AttributeValue::Text(Text::from("--eye 1,2,3"))));
+    }
+
+    #[test]
+    fn png_is_srgb_with_notes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.PNG");
+        let image = picture();
+        image.write(&path, false, &[("Camera", "--eye 1,2,3"), ("Input", "größe.laz")]).unwrap();
+        let (bytes, info) = read_png(&path);
+        assert_eq!((info.width, info.height, info.color_type), (3, 2, png::ColorType::Rgb));
+        assert!(info.srgb.is_some());
+        for (k, pixel) in bytes.chunks(3).enumerate() {
+            for (&byte, want) in pixel.iter().zip(image.color[k]) {
+                assert!((srgb_to_linear(f32::from(byte) / 255.0) - want).abs() < 0.005, "pixel {k}");
+            }
+        }
+        let latin = &info.uncompressed_latin1_text;
+        assert!(latin.iter().any(|t| t.keyword == "Software" && t.text == SOFTWARE));
+        assert!(latin.iter().any(|t| t.keyword == "Camera" && t.text == "--eye 1,2,3"));
+        assert_eq!(info.utf8_text[0].get_text().unwrap(), "größe.laz");
+    }
+
+    #[test]
+    fn png_alpha_is_not_premultiplied() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.png");
+        let mut image = Image::new([2, 1]);
+        let v = srgb_to_linear(200.0 / 255.0);
+        image.color[0] = [v * 0.5, v * 0.5, 0.0, 0.5];
+        image.write_png(&path, true, &[]).unwrap();
+        assert_eq!(read_png(&path).0, [200, 200, 0, 128, 0, 0, 0, 0]);
+        assert_eq!(encode([f32::NAN, f32::INFINITY, -1.0, 2.0], false), [0, 255, 0, 255]);
+    }
+
+    #[test]
+    fn a_map_is_georeferenced() {
+        let folder = tempfile::tempdir().unwrap();
+        let center = DVec3::new(500_000.0, 6_000_000.0, 90.0);
+        let map = Projection::Orthographic { units_per_pixel: 0.25 };
+        let view = |angles, projection| {
+            Camera::orbit(center, angles, 500.0, projection).unwrap().basis([400, 200]).unwrap()
+        };
+        let world = WorldFile::of(&view([0.0, 90.0], map)).unwrap();
+        for (name, beside) in [("top view.png", "top view.pgw"), ("top view.exr", "top view.wld")] {
+            let path = world.write_beside(&folder.path().join(name)).unwrap();
+            assert_eq!(path, folder.path().join(beside));
+            // North-west pixel's centre: half a pixel inside the picture's corner.
+            assert_eq!(fs::read_to_string(path).unwrap(), "0.25\n0\n0\n-0.25\n499950.125\n6000024.875\n");
+        }
+        assert_eq!(WorldFile::of(&view([0.0, 89.0], map)), None);
+        assert_eq!(WorldFile::of(&view([0.0, -90.0], map)), None);
+        assert_eq!(WorldFile::of(&view([0.0, 90.0], Projection::default())), None);
+        let half = world.scaled([0.5, 2.0]);
+        assert_eq!((half.a, half.e, half.c, half.f), (0.125, -0.5, 249_975.062_5, 12_000_049.75));
+        let prj = write_prj_beside(&folder.path().join("top view.png"), "PROJCS[…]").unwrap();
+        assert_eq!(fs::read_to_string(prj).unwrap(), "PROJCS[…]");
+    }
+
+    #[test]
+    fn failures_name_file_and_reason() {
+        let folder = tempfile::tempdir().unwrap();
+        let image = picture();
+        let message = |path: &Path| image.write(path, false, &[]).unwrap_err().to_string();
+        let lost = folder.path().join("none").join("a.exr");
+        assert_eq!(
+            message(&lost),
+            format!(
+                "{}: cannot be written: {} does not exist",
+                lost.display(),
+                lost.parent().unwrap().display()
+            )
+        );
+        assert!(message(Path::new("a.jpg")).contains("a.jpg: pictures are written as .png or .exr"));
+        assert!(message(Path::new("png")).contains(".png or .exr"));
+        // An encoder that refuses leaves nothing behind.
+        let path = folder.path().join("a.png");
+        assert!(Image::new([0, 5]).write(&path, false, &[]).is_err());
+        assert!(Image::new([0, 5]).write(&path.with_extension("exr"), false, &[]).is_err());
+        assert!(image.write(&path, false, &[("", "no key")]).is_err());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+}

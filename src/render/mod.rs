@@ -1,0 +1,7 @@
+//! Camera, passes of a frame, the image, and a CPU reference that checks it.
+
+pub mod camera;
+pub mod frame;
+pub mod image;
+pub mod reference;
+pub mod whole_file;

@@ -1,0 +1,462 @@
+//! Points to columns to packed runs: what a section is on the host and, word for word, on the device.
+//!
+//! While points arrive a section is a sparse grid of 8×8 blocks ([`Columns`]); the winner of every
+//! (column, class) is kept by an order-free maximum. [`Columns::pack`] turns it into the one buffer that is
+//! uploaded: a header, block offsets, counts and runs; the words after them are derived on the device.
+
+use crate::attribute::Record;
+use crate::coords::{Height, SECTION_COLUMNS, SECTION_LOG2, SECTION_SIDE};
+use crate::source::FLAG_WITHHELD;
+
+/// log2 of a block's side in columns.
+pub const BLOCK_LOG2: u32 = 3;
+/// Columns in a block.
+pub const BLOCK_COLUMNS: usize = 1 << (2 * BLOCK_LOG2);
+/// Blocks in a section.
+pub const SECTION_BLOCKS: usize = SECTION_COLUMNS / BLOCK_COLUMNS;
+/// Blocks on a section's side.
+const BLOCKS_SIDE: u32 = SECTION_SIDE >> BLOCK_LOG2;
+
+/// The best record of one class in one column, and where the column's next class is.
+#[derive(Clone, Copy)]
+struct Best {
+    record: Record,
+    /// Index into `Columns::more` plus one; 0 ends the chain.
+    next: u32,
+}
+
+const NO_BEST: Best = Best { record: Record::EMPTY, next: 0 };
+
+/// Whether two records belong to the same run: same class, and both withheld or both not (a withheld
+/// point must not hide one that is not).
+#[inline]
+fn same_run(a: Record, b: Record) -> bool {
+    a.class() == b.class() && (a.flags() ^ b.flags()) & FLAG_WITHHELD == 0
+}
+
+/// A section while points arrive: one best record for each column and class.
+///
+/// Memory follows the occupied 8×8 blocks: 1 KiB each, 16 bytes for every further class of a column.
+pub struct Columns {
+    /// Row-major over the section's blocks.
+    blocks: Box<[Option<Box<[Best; BLOCK_COLUMNS]>>]>,
+    more: Vec<Best>,
+    points: u64,
+    occupied_blocks: usize,
+    occupied_columns: usize,
+}
+
+impl Default for Columns {
+    fn default() -> Self {
+        Columns {
+            blocks: (0..SECTION_BLOCKS).map(|_| None).collect(),
+            more: Vec::new(),
+            points: 0,
+            occupied_blocks: 0,
+            occupied_columns: 0,
+        }
+    }
+}
+
+/// Block index and column within the block of the column at (x, y), both 0..256, counted from the south-west.
+#[inline]
+fn place(x: u32, y: u32) -> (usize, usize) {
+    let mask = (1 << BLOCK_LOG2) - 1;
+    let block = (y >> BLOCK_LOG2) * BLOCKS_SIDE + (x >> BLOCK_LOG2);
+    let column = ((y & mask) << BLOCK_LOG2) | (x & mask);
+    (block as usize, column as usize)
+}
+
+impl Columns {
+    /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its class.
+    /// The result does not depend on the order of calls.
+    #[inline]
+    pub fn add(&mut self, x: u32, y: u32, record: Record) {
+        self.points += 1;
+        self.insert(x, y, record);
+    }
+
+    #[inline]
+    fn insert(&mut self, x: u32, y: u32, record: Record) {
+        let (block, column) = place(x, y);
+        let block = match &mut self.blocks[block] {
+            Some(block) => block,
+            empty => {
+                self.occupied_blocks += 1;
+                empty.insert(Box::new([NO_BEST; BLOCK_COLUMNS]))
+            }
+        };
+        let first = &mut block[column];
+        if first.record.is_empty() {
+            first.record = record;
+            self.occupied_columns += 1;
+            return;
+        }
+        if same_run(first.record, record) {
+            if record > first.record {
+                first.record = record;
+            }
+            return;
+        }
+        // Further classes of a column hang in a chain; columns rarely hold more than three.
+        let mut at = first.next;
+        while at != 0 {
+            let other = &mut self.more[at as usize - 1];
+            if same_run(other.record, record) {
+                if record > other.record {
+                    other.record = record;
+                }
+                return;
+            }
+            at = other.next;
+        }
+        self.more.push(Best { record, next: first.next });
+        first.next = self.more.len() as u32;
+    }
+
+    /// Points taken in so far.
+    pub fn points(&self) -> u64 {
+        self.points
+    }
+
+    /// Heap bytes held.
+    pub fn bytes(&self) -> usize {
+        SECTION_BLOCKS * size_of::<Option<Box<[Best; BLOCK_COLUMNS]>>>()
+            + self.occupied_blocks * size_of::<[Best; BLOCK_COLUMNS]>()
+            + self.more.len() * size_of::<Best>()
+    }
+
+    /// Bytes of device memory the section will take, or a little less where its heights need 32 bits.
+    pub fn device_bytes(&self) -> u64 {
+        let code = HeightCode { base: 0, shift: 0, wide: false };
+        Layout::new((self.occupied_columns + self.more.len()) as u32, code).device_bytes()
+    }
+
+    /// Calls `each(x, y, records)` for every occupied column in block order; the records of a column are
+    /// in no particular order.
+    fn columns(&self, mut each: impl FnMut(u32, u32, &mut Vec<Record>)) {
+        let mut records = Vec::with_capacity(8);
+        let mask = (1 << BLOCK_LOG2) - 1;
+        for (b, block) in self.blocks.iter().enumerate() {
+            let Some(block) = block else { continue };
+            let (bx, by) = (b as u32 % BLOCKS_SIDE, b as u32 / BLOCKS_SIDE);
+            for (c, first) in block.iter().enumerate() {
+                if first.record.is_empty() {
+                    continue;
+                }
+                records.clear();
+                records.push(first.record);
+                let mut at = first.next;
+                while at != 0 {
+                    let other = self.more[at as usize - 1];
+                    records.push(other.record);
+                    at = other.next;
+                }
+                let c = c as u32;
+                each((bx << BLOCK_LOG2) + (c & mask), (by << BLOCK_LOG2) + (c >> BLOCK_LOG2), &mut records);
+            }
+        }
+    }
+
+    /// Puts this section's records into `parent`, whose cells are twice as wide; (i, j) are this section's
+    /// own indices. Equal to binning the points at the coarser size, since maximum and rounding up commute.
+    pub fn coarsen_into(&self, i: i32, j: i32, parent: &mut Columns) {
+        let half = SECTION_SIDE / 2;
+        let (x0, y0) = ((i & 1) as u32 * half, (j & 1) as u32 * half);
+        parent.points += self.points;
+        self.columns(|x, y, records| {
+            for &record in records.iter() {
+                parent.insert(x0 + x / 2, y0 + y / 2, record);
+            }
+        });
+    }
+
+    /// Packs the section into its uploaded form.
+    pub fn pack(&self) -> Packed {
+        let (mut lowest, mut highest, mut runs) = (i32::MAX, i32::MIN, 0usize);
+        let mut highest_of = Vec::<(u8, bool, Height)>::new();
+        self.columns(|_, _, records| {
+            runs += records.len().min(MOST_RUNS);
+            for record in records.iter() {
+                let height = of_record(record);
+                lowest = lowest.min(height.0);
+                highest = highest.max(height.0);
+                let withheld = record.flags() & FLAG_WITHHELD != 0;
+                match highest_of.iter_mut().find(|(c, w, _)| *c == record.class() && *w == withheld) {
+                    Some((_, _, h)) => *h = height.max(*h),
+                    None => highest_of.push((record.class(), withheld, height)),
+                }
+            }
+        });
+        let code = HeightCode::fit(lowest, highest);
+        let layout = Layout::new(runs as u32, code);
+        let mut words = vec![0u32; layout.uploaded_words as usize];
+        layout.write_header(&mut words);
+
+        let (mut run, mut next_block) = (0u32, 0usize);
+        self.columns(|x, y, records| {
+            records.sort_unstable_by(|a, b| b.cmp(a));
+            records.truncate(MOST_RUNS);
+            let (block, column) = place(x, y);
+            // Blocks between the last one and this one hold nothing: their first run is the next one.
+            if next_block <= block {
+                words[layout.blocks as usize..][next_block..=block].fill(run);
+                next_block = block + 1;
+            }
+            let count_at = block * BLOCK_COLUMNS + column;
+            words[layout.counts as usize + count_at / 4] |= (records.len() as u32) << (8 * (count_at % 4));
+            for record in records.iter() {
+                let code_word = code.encode(of_record(record));
+                if code.wide {
+                    words[(layout.heights + run) as usize] = code_word;
+                } else {
+                    words[(layout.heights + run / 2) as usize] |= code_word << (16 * (run % 2));
+                }
+                let attributes = (layout.attributes + 2 * run) as usize;
+                words[attributes..attributes + 2].copy_from_slice(&record.0[1..]);
+                run += 1;
+            }
+        });
+        words[layout.blocks as usize..][next_block..SECTION_BLOCKS].fill(run);
+        Packed { words, layout, points: self.points, highest_of }
+    }
+}
+
+/// Height of a record that is not empty.
+fn of_record(record: &Record) -> Height {
+    record.height().expect("columns hold no empty records")
+}
+
+/// Most runs a column can hold on the device (its count is one byte). The highest are kept.
+const MOST_RUNS: usize = 255;
+
+/// How a section stores heights: `code = ceil((h - base) / 2^shift)`, never 0 (0 says "no point").
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HeightCode {
+    /// Lattice height of code 0; a multiple of 2^shift.
+    pub base: i32,
+    /// log2 of the stored step in lattice steps, 0 to 4.
+    pub shift: u32,
+    /// Codes take 32 bits instead of 16.
+    pub wide: bool,
+}
+
+impl HeightCode {
+    /// The finest 16-bit code that holds lowest..=highest, or a 32-bit one (DESIGN: s ≤ 4).
+    fn fit(lowest: i32, highest: i32) -> HeightCode {
+        for shift in 0..=4u32 {
+            let base = ((i64::from(lowest) - 1) >> shift) << shift;
+            let top = (i64::from(highest) - base + (1 << shift) - 1) >> shift;
+            if top <= 0xFFFF && base >= i64::from(i32::MIN) {
+                return HeightCode { base: base as i32, shift, wide: false };
+            }
+        }
+        // `lowest` is above i32::MIN, which no height takes.
+        HeightCode { base: lowest.saturating_sub(1), shift: 0, wide: true }
+    }
+
+    fn encode(self, height: Height) -> u32 {
+        let above = i64::from(height.0) - i64::from(self.base);
+        ((above + (1 << self.shift) - 1) >> self.shift) as u32
+    }
+
+    /// The stored height of `code`, at most one stored step above the true one.
+    pub fn decode(self, code: u32) -> Height {
+        Height((i64::from(self.base) + (i64::from(code) << self.shift)) as i32)
+    }
+
+    /// The stored step, CRS units.
+    pub fn step_units(self) -> f64 {
+        f64::from(1u32 << self.shift) / crate::coords::HEIGHT_STEPS_PER_UNIT
+    }
+}
+
+/// Kind of payload: columns of runs. Others follow (stacks, points, walls); only shaders look at it.
+pub const KIND_COLUMNS: u32 = 1;
+/// Words of a payload's header; `shaders/section.glsl` has the same list.
+pub const HEADER_WORDS: u32 = 16;
+
+/// Elements of a section's pyramid: level l has 4^(8-l) of them at offset `0x15554 & !((1 << (18 - 2l)) - 1)`,
+/// finest first, row-major.
+pub const PYRAMID_ELEMENTS: u32 = 0x15556;
+
+/// Where each part of a payload starts, in words from its start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// How heights are stored.
+    pub code: HeightCode,
+    /// Runs in all columns.
+    pub runs: u32,
+    /// First run of each of the 1,024 blocks.
+    pub blocks: u32,
+    /// Runs in each column: one byte, in block order (block · 64 + column).
+    pub counts: u32,
+    /// Heights of runs: 16 or 32 bits each.
+    pub heights: u32,
+    /// Attributes of runs: two words each, `Record`'s second and third.
+    pub attributes: u32,
+    /// Words that are uploaded; what follows is derived on the device.
+    pub uploaded_words: u32,
+    /// Derived: the run on show of each column, `!0` for none, in block order.
+    pub tops: u32,
+    /// Derived: where each column's top was taken from: one byte, in block order (0: measured).
+    pub bridges: u32,
+    /// Derived: the maximum pyramid, 16 or 32 bits an element.
+    pub pyramid: u32,
+    /// All words, uploaded and derived.
+    pub words: u32,
+}
+
+impl Layout {
+    fn new(runs: u32, code: HeightCode) -> Layout {
+        let per_word = if code.wide { 1 } else { 2 };
+        let blocks = HEADER_WORDS;
+        let counts = blocks + SECTION_BLOCKS as u32;
+        let heights = counts + (SECTION_COLUMNS / 4) as u32;
+        let attributes = heights + runs.div_ceil(per_word);
+        let uploaded_words = attributes + 2 * runs;
+        let tops = uploaded_words;
+        let bridges = tops + SECTION_COLUMNS as u32;
+        let pyramid = bridges + (SECTION_COLUMNS / 4) as u32;
+        let words = pyramid + PYRAMID_ELEMENTS.div_ceil(per_word);
+        Layout {
+            code,
+            runs,
+            blocks,
+            counts,
+            heights,
+            attributes,
+            uploaded_words,
+            tops,
+            bridges,
+            pyramid,
+            words,
+        }
+    }
+
+    fn write_header(&self, words: &mut [u32]) {
+        let code = self.code.shift | u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
+        words[..HEADER_WORDS as usize].copy_from_slice(&[
+            KIND_COLUMNS,
+            self.words,
+            code,
+            self.code.base as u32,
+            self.runs,
+            self.blocks,
+            self.counts,
+            self.heights,
+            self.attributes,
+            self.tops,
+            self.bridges,
+            self.pyramid,
+            self.uploaded_words,
+            0,
+            0,
+            0,
+        ]);
+    }
+
+    /// Bytes of device memory the payload takes.
+    pub fn device_bytes(&self) -> u64 {
+        u64::from(self.words) * 4
+    }
+}
+
+/// A section ready for upload. Immutable.
+pub struct Packed {
+    /// Header and runs: `layout.uploaded_words` words.
+    pub words: Vec<u32>,
+    /// Offsets of its parts.
+    pub layout: Layout,
+    /// Points it was made from.
+    pub points: u64,
+    /// Highest record of each (class, withheld) present.
+    pub highest_of: Vec<(u8, bool, Height)>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::attribute::Attributes;
+
+    fn record(h: i32, class: u8, flags: u8) -> Record {
+        Record::pack(Attributes {
+            height: Height(h),
+            class,
+            intensity: 7,
+            rgb: [1, 2, 3],
+            returns: 0x11,
+            flags,
+        })
+    }
+
+    #[test]
+    fn order_of_points_changes_nothing() {
+        let mut points = Vec::new();
+        for k in 0..4000u32 {
+            let h = (k.wrapping_mul(2_654_435_761) >> 20) as i32 - 2000;
+            points.push((
+                k * 7 % 256,
+                k * 13 % 256 / 8,
+                record(h, (k % 5) as u8, if k % 11 == 0 { 4 } else { 0 }),
+            ));
+        }
+        let (mut forward, mut backward) = (Columns::default(), Columns::default());
+        points.iter().for_each(|&(x, y, r)| forward.add(x, y, r));
+        points.iter().rev().for_each(|&(x, y, r)| backward.add(x, y, r));
+        assert_eq!(forward.pack().words, backward.pack().words);
+        assert!(forward.pack().highest_of.len() > 5);
+    }
+
+    #[test]
+    fn coarse_from_children_equals_coarse_from_points() {
+        let (mut direct, mut parent) = (Columns::default(), Columns::default());
+        let mut children: [Columns; 4] = Default::default();
+        for k in 0..20_000u32 {
+            let (x, y) = (k.wrapping_mul(40_503) >> 3 & 511, k.wrapping_mul(30_011) >> 5 & 511);
+            let r = record((k.wrapping_mul(2_654_435_761) >> 16) as i32, (k % 3) as u8, 0);
+            direct.add(x / 2, y / 2, r);
+            children[(y / 256 * 2 + x / 256) as usize].add(x % 256, y % 256, r);
+        }
+        for (q, child) in children.iter().enumerate() {
+            child.coarsen_into(q as i32 % 2 - 2, q as i32 / 2 + 4, &mut parent);
+        }
+        assert_eq!(direct.pack().words, parent.pack().words);
+        assert_eq!(parent.points(), 20_000);
+    }
+
+    #[test]
+    fn codes_round_up_by_less_than_a_step() {
+        for (lowest, highest) in
+            [(5, 5), (-70_000, 100_000), (-7, 1_000_000), (i32::MIN + 1, i32::MAX), (0, 2_000_000)]
+        {
+            let code = HeightCode::fit(lowest, highest);
+            for h in [lowest, highest, (lowest as i64 + highest as i64).div_euclid(2) as i32] {
+                let word = code.encode(Height(h));
+                assert!(word > 0 && (code.wide || word <= 0xFFFF), "{code:?} {h}");
+                let above = i64::from(code.decode(word).0) - i64::from(h);
+                assert!((0..1 << code.shift).contains(&above), "{code:?} {h} {above}");
+            }
+        }
+        assert!(HeightCode::fit(0, 100_000_000).wide);
+        assert_eq!(HeightCode::fit(0, 60_000).shift, 0);
+    }
+
+    #[test]
+    fn runs_are_sorted_downward_and_reached_by_block() {
+        let mut columns = Columns::default();
+        columns.add(9, 8, record(100, 2, 0));
+        columns.add(9, 8, record(900, 5, 0));
+        columns.add(9, 8, record(500, 6, 0));
+        columns.add(255, 255, record(50, 2, 0));
+        let packed = columns.pack();
+        let l = packed.layout;
+        let (block, column) = place(9, 8);
+        assert_eq!(packed.words[l.blocks as usize + block], 0);
+        assert_eq!(packed.words[l.blocks as usize + SECTION_BLOCKS - 1], 3);
+        let count = packed.words[l.counts as usize + (block * 64 + column) / 4] >> (8 * (column % 4)) & 0xFF;
+        assert_eq!(count, 3);
+        let class = |run: u32| packed.words[(l.attributes + 2 * run) as usize] >> 24;
+        assert_eq!([class(0), class(1), class(2), class(3)], [5, 6, 2, 2]);
+    }
+}

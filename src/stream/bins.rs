@@ -1,0 +1,445 @@
+//! Where decoded points are gathered into sections, by several threads at once.
+//!
+//! A block of points is grouped by section first, so that each section is locked once a block; the result
+//! does not depend on the order of blocks, threads or files. When the sections outgrow a budget, all of them
+//! are coarsened by one power of two, which equals having binned at that size from the start.
+
+use crate::attribute::{Attributes, Record};
+use crate::coords::{CellIndex, Grid, Height, SECTION_SIDE, SectionKey};
+use crate::section::Columns;
+use crate::source::PointBlock;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, TryLockError};
+
+/// Coarsenings that the grid's anchor allows for (it is a multiple of 2²⁴ cells).
+const MOST_COARSENINGS: u32 = 16;
+
+/// Sections far outside the rest that are still drawn; when there are more, all of them are noise.
+const MOST_STRAYS: usize = 32;
+
+/// What bounds the sections' memory.
+#[derive(Clone, Copy, Debug)]
+pub struct Budget {
+    /// Bytes of host memory while points arrive.
+    pub host_bytes: u64,
+    /// Bytes of device memory once they are resident.
+    pub device_bytes: u64,
+}
+
+/// All sections while points arrive.
+pub struct Bins {
+    /// Read-locked while a block is binned; write-locked to coarsen.
+    grid: RwLock<Grid>,
+    sections: Mutex<Sections>,
+    /// Cells (base grid, before coarsening) that the robust bounds reach over: what lies outside is a stray.
+    core: [std::ops::Range<i64>; 2],
+    budget: Budget,
+    host_bytes: AtomicU64,
+    device_bytes: AtomicU64,
+    outside: AtomicU64,
+}
+
+#[derive(Default)]
+struct Sections {
+    near: HashMap<SectionKey, Shared>,
+    strays: HashMap<SectionKey, Shared>,
+    /// There were more than [`MOST_STRAYS`]; none is kept.
+    strays_dropped: bool,
+}
+
+type Shared = Arc<Mutex<Columns>>;
+
+/// The finished sections.
+pub struct Binned {
+    /// The grid that they ended up on.
+    pub grid: Grid,
+    /// In key order.
+    pub sections: Vec<(SectionKey, Columns)>,
+    /// Points that no cell or height can hold, or so scattered and far away that they are not drawn.
+    pub outside: u64,
+}
+
+/// A section locked by a thread that panicked is still whole: records are replaced one at a time.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Bins {
+    /// Empty bins on `grid`. `core`: the cells of the base grid, west-east and south-north, that the data is
+    /// believed to lie in.
+    pub fn new(grid: Grid, core: [std::ops::Range<i64>; 2], budget: Budget) -> Bins {
+        Bins {
+            grid: RwLock::new(grid),
+            sections: Mutex::default(),
+            core,
+            budget,
+            host_bytes: AtomicU64::new(0),
+            device_bytes: AtomicU64::new(0),
+            outside: AtomicU64::new(0),
+        }
+    }
+
+    fn read_grid(&self) -> RwLockReadGuard<'_, Grid> {
+        self.grid.read().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether all of `key` lies outside the core.
+    fn is_stray(&self, grid: &Grid, key: SectionKey) -> bool {
+        let side = i64::from(SECTION_SIDE) << grid.coarsen;
+        [key.i, key.j].into_iter().enumerate().any(|(axis, index)| {
+            let first = i64::from(index) * side + (grid.anchor[axis] << grid.coarsen);
+            first + side <= self.core[axis].start || first >= self.core[axis].end
+        })
+    }
+
+    /// The section `key`, made if need be; `None` for a stray that is not kept. And whether it is a stray.
+    fn section(&self, grid: &Grid, key: SectionKey) -> Option<(Shared, bool)> {
+        let stray = self.is_stray(grid, key);
+        let mut sections = lock(&self.sections);
+        if stray && sections.strays_dropped {
+            return None;
+        }
+        if stray && sections.strays.len() == MOST_STRAYS && !sections.strays.contains_key(&key) {
+            let dropped: u64 = sections.strays.drain().map(|(_, s)| lock(&s).points()).sum();
+            self.outside.fetch_add(dropped, Ordering::Relaxed);
+            sections.strays_dropped = true;
+            return None;
+        }
+        let map = if stray { &mut sections.strays } else { &mut sections.near };
+        Some((Arc::clone(map.entry(key).or_default()), stray))
+    }
+
+    fn over_budget(&self) -> bool {
+        self.host_bytes.load(Ordering::Relaxed) > self.budget.host_bytes
+            || self.device_bytes.load(Ordering::Relaxed) > self.budget.device_bytes
+    }
+
+    /// Doubles the cell size if that has not happened since `coarsen` was seen and is still needed.
+    fn coarsen(&self, coarsen: u32) {
+        let mut grid = self.grid.write().unwrap_or_else(PoisonError::into_inner);
+        if grid.coarsen != coarsen || !self.over_budget() || coarsen == MOST_COARSENINGS {
+            return;
+        }
+        grid.coarsen += 1;
+        grid.anchor = grid.anchor.map(|a| a >> 1);
+        let mut sections = lock(&self.sections);
+        let mut parents = HashMap::<SectionKey, Columns>::new();
+        let Sections { near, strays, .. } = &mut *sections;
+        for (key, child) in near.drain().chain(strays.drain()) {
+            // Keys stay at level 0: the grid itself is coarser now.
+            let parent = parents.entry(SectionKey { level: 0, ..key.parent() }).or_default();
+            lock(&child).coarsen_into(key.i, key.j, parent);
+        }
+        let (mut host, mut device) = (0, 0);
+        for (key, parent) in parents {
+            let stray = self.is_stray(&grid, key);
+            if !stray {
+                host += parent.bytes() as u64;
+                device += parent.device_bytes();
+            }
+            let map = if stray { &mut sections.strays } else { &mut sections.near };
+            map.insert(key, Arc::new(Mutex::new(parent)));
+        }
+        self.host_bytes.store(host, Ordering::Relaxed);
+        self.device_bytes.store(device, Ordering::Relaxed);
+    }
+
+    /// Ends the gathering; what it gives is the same whatever the order in which points came.
+    /// `None` when even the coarsest cells do not fit the budget.
+    pub fn finish(self) -> Option<Binned> {
+        while self.over_budget() {
+            let coarsen = self.read_grid().coarsen;
+            if coarsen == MOST_COARSENINGS {
+                return None;
+            }
+            self.coarsen(coarsen);
+        }
+        let sections = self.sections.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut sections: Vec<_> = sections
+            .near
+            .into_iter()
+            .chain(sections.strays)
+            .map(|(key, shared)| {
+                let mutex = Arc::into_inner(shared).expect("no thread bins any more");
+                (key, mutex.into_inner().unwrap_or_else(PoisonError::into_inner))
+            })
+            .collect();
+        sections.sort_unstable_by_key(|(key, _)| *key);
+        Some(Binned {
+            grid: self.grid.into_inner().unwrap_or_else(PoisonError::into_inner),
+            sections,
+            outside: self.outside.into_inner(),
+        })
+    }
+}
+
+/// What a file's points mean: set once a file.
+pub trait Meaning {
+    /// World coordinates of point `i` of `block`, CRS units.
+    fn world(&self, block: &PointBlock, i: usize) -> glam::DVec3;
+    /// Its colour in 8 bits.
+    fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3];
+}
+
+/// One point on its way: which of the block's sections, which column, what.
+#[derive(Clone, Copy)]
+struct Placed {
+    section: u32,
+    /// y << 8 | x.
+    column: u32,
+    record: Record,
+}
+
+/// Bins blocks; one a thread, its buffers are reused.
+#[derive(Default)]
+pub struct Binner {
+    placed: Vec<Placed>,
+    keys: Vec<SectionKey>,
+    index_of: HashMap<SectionKey, u32>,
+    /// Start of each section's points in `order`.
+    starts: Vec<u32>,
+    order: Vec<u32>,
+}
+
+impl Binner {
+    /// Puts the points of `block` into their columns. O(points).
+    pub fn bin(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
+        let grid = bins.read_grid();
+        self.place(&grid, bins, meaning, block);
+        self.group();
+
+        let side = SECTION_SIDE - 1;
+        let mut grown = [0i64; 2];
+        let mut add = |section: usize, columns: &mut Columns, stray: bool| {
+            let before = if columns.points() == 0 {
+                [0; 2]
+            } else {
+                [columns.bytes() as i64, columns.device_bytes() as i64]
+            };
+            for &i in &self.order[self.starts[section] as usize..self.starts[section + 1] as usize] {
+                let point = self.placed[i as usize];
+                columns.add(point.column & side, point.column >> 8, point.record);
+            }
+            if !stray {
+                grown[0] += columns.bytes() as i64 - before[0];
+                grown[1] += columns.device_bytes() as i64 - before[1];
+            }
+        };
+        // Sections that another thread holds come last, so that threads seldom wait for each other.
+        let mut held = Vec::new();
+        for (section, &key) in self.keys.iter().enumerate() {
+            let Some((shared, stray)) = bins.section(&grid, key) else {
+                let points = self.starts[section + 1] - self.starts[section];
+                bins.outside.fetch_add(points.into(), Ordering::Relaxed);
+                continue;
+            };
+            let busy = match shared.try_lock() {
+                Ok(mut columns) => {
+                    add(section, &mut columns, stray);
+                    false
+                }
+                Err(TryLockError::Poisoned(columns)) => {
+                    add(section, &mut columns.into_inner(), stray);
+                    false
+                }
+                Err(TryLockError::WouldBlock) => true,
+            };
+            if busy {
+                held.push((section, shared, stray));
+            }
+        }
+        for (section, shared, stray) in held {
+            add(section, &mut lock(&shared), stray);
+        }
+
+        bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
+        bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);
+        let coarsen = grid.coarsen;
+        drop(grid);
+        if bins.over_budget() {
+            bins.coarsen(coarsen);
+        }
+    }
+
+    /// Section, column and record of every point that has a cell and a height.
+    fn place(&mut self, grid: &Grid, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
+        self.placed.clear();
+        self.keys.clear();
+        self.index_of.clear();
+        let mut outside = 0;
+        // Consecutive points are nearly always in the same section.
+        let mut last = (SectionKey { level: u8::MAX, i: 0, j: 0 }, 0);
+        for i in 0..block.len() {
+            let at = meaning.world(block, i);
+            let (Some(CellIndex { i: ci, j: cj }), Some(height)) =
+                (grid.cell_of(at.x, at.y), Height::from_units(at.z))
+            else {
+                outside += 1;
+                continue;
+            };
+            let key = SectionKey::of(CellIndex { i: ci, j: cj });
+            if key != last.0 {
+                let keys = &mut self.keys;
+                let index = *self.index_of.entry(key).or_insert_with(|| {
+                    keys.push(key);
+                    keys.len() as u32 - 1
+                });
+                last = (key, index);
+            }
+            let side = SECTION_SIDE as i32 - 1;
+            self.placed.push(Placed {
+                section: last.1,
+                column: ((cj & side) << 8 | (ci & side)) as u32,
+                record: Record::pack(Attributes {
+                    height,
+                    class: block.class[i],
+                    intensity: block.intensity[i],
+                    rgb: meaning.rgb(block, i),
+                    returns: block.returns[i],
+                    flags: block.flags[i],
+                }),
+            });
+        }
+        if outside > 0 {
+            bins.outside.fetch_add(outside, Ordering::Relaxed);
+        }
+    }
+
+    /// Sorts the points by section: a counting sort, order within a section kept.
+    fn group(&mut self) {
+        self.starts.clear();
+        self.starts.resize(self.keys.len() + 1, 0);
+        for point in &self.placed {
+            self.starts[point.section as usize + 1] += 1;
+        }
+        for section in 1..self.starts.len() {
+            self.starts[section] += self.starts[section - 1];
+        }
+        let mut next = self.starts.clone();
+        self.order.clear();
+        self.order.resize(self.placed.len(), 0);
+        for (i, point) in self.placed.iter().enumerate() {
+            let at = &mut next[point.section as usize];
+            self.order[*at as usize] = i as u32;
+            *at += 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    struct Plain;
+
+    impl Meaning for Plain {
+        fn world(&self, block: &PointBlock, i: usize) -> DVec3 {
+            DVec3::new(
+                f64::from(block.x[i]) * 0.01,
+                f64::from(block.y[i]) * 0.01,
+                f64::from(block.z[i]) * 0.01,
+            )
+        }
+        fn rgb(&self, _: &PointBlock, _: usize) -> [u8; 3] {
+            [9; 3]
+        }
+    }
+
+    fn block(points: impl Iterator<Item = (i32, i32, i32)>) -> PointBlock {
+        let mut block = PointBlock::default();
+        for (x, y, z) in points {
+            block.x.push(x);
+            block.y.push(y);
+            block.z.push(z);
+            block.class.push((z % 3) as u8);
+            block.flags.push(0);
+            block.intensity.push(1);
+            block.returns.push(0x11);
+        }
+        block
+    }
+
+    fn scattered(n: i32, reach: i32) -> PointBlock {
+        let mut state = 1u64;
+        let mut random = move |below: i32| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            ((state >> 33) % below as u64) as i32
+        };
+        block((0..n).map(|_| (random(reach), random(reach), random(9000))))
+    }
+
+    fn grid(coarsen: u32) -> Grid {
+        Grid { base_cell: 0.25, coarsen, anchor: [0, 0] }
+    }
+
+    const EVERYWHERE: [std::ops::Range<i64>; 2] = [-1_000_000..1_000_000, -1_000_000..1_000_000];
+    const PLENTY: Budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
+
+    fn words(binned: &Binned) -> Vec<(SectionKey, Vec<u32>)> {
+        binned.sections.iter().map(|(key, columns)| (*key, columns.pack().words)).collect()
+    }
+
+    #[test]
+    fn threads_and_order_change_nothing() {
+        let blocks: Vec<_> = (0..8).map(|k| scattered(5000 + k, 30_000)).collect();
+        let one = Bins::new(grid(0), EVERYWHERE, PLENTY);
+        let mut binner = Binner::default();
+        blocks.iter().for_each(|b| binner.bin(&one, &Plain, b));
+        let two = Bins::new(grid(0), EVERYWHERE, PLENTY);
+        std::thread::scope(|scope| {
+            for half in [&blocks[4..], &blocks[..4]] {
+                let two = &two;
+                scope.spawn(move || {
+                    let mut binner = Binner::default();
+                    half.iter().rev().for_each(|b| binner.bin(two, &Plain, b));
+                });
+            }
+        });
+        let (one, two) = (one.finish().unwrap(), two.finish().unwrap());
+        assert!(one.sections.len() >= 16);
+        assert_eq!(words(&one), words(&two));
+        assert_eq!(
+            one.sections.iter().map(|(_, c)| c.points()).sum::<u64>(),
+            blocks.iter().map(|b| b.len() as u64).sum()
+        );
+    }
+
+    #[test]
+    fn outgrowing_the_budget_equals_binning_coarser() {
+        let points = scattered(40_000, 60_000);
+        let all = Bins::new(grid(2), EVERYWHERE, PLENTY);
+        Binner::default().bin(&all, &Plain, &points);
+        let all = all.finish().unwrap();
+        let device_bytes: u64 = all.sections.iter().map(|(_, c)| c.device_bytes()).sum();
+
+        let tight = Bins::new(grid(0), EVERYWHERE, Budget { device_bytes, host_bytes: u64::MAX });
+        Binner::default().bin(&tight, &Plain, &points);
+        let tight = tight.finish().unwrap();
+        assert_eq!(tight.grid.coarsen, 2);
+        assert_eq!(words(&all), words(&tight));
+        assert!(Bins::new(grid(0), EVERYWHERE, Budget { device_bytes: 0, host_bytes: 0 }).finish().is_some());
+    }
+
+    #[test]
+    fn a_few_strays_are_kept_and_a_cloud_of_them_is_not() {
+        let core = [0..2000, 0..2000];
+        let few = Bins::new(grid(0), core.clone(), PLENTY);
+        Binner::default().bin(&few, &Plain, &block([(100, 100, 0), (20_000_000, 5, 3)].into_iter()));
+        assert_eq!(few.finish().unwrap().sections.len(), 2);
+
+        let many = Bins::new(grid(0), core, PLENTY);
+        let cloud = (0..100).map(|k| (k * 1_000_000, -k * 700_000, 5));
+        Binner::default().bin(&many, &Plain, &block(cloud));
+        let many = many.finish().unwrap();
+        assert_eq!((many.sections.len(), many.outside), (1, 99));
+    }
+
+    #[test]
+    fn what_has_no_cell_or_height_is_counted() {
+        let bins = Bins::new(Grid { base_cell: 1e-9, coarsen: 0, anchor: [0, 0] }, EVERYWHERE, PLENTY);
+        Binner::default().bin(&bins, &Plain, &block([(0, 0, 0), (i32::MAX, 0, 0)].into_iter()));
+        assert_eq!(bins.finish().unwrap().outside, 1);
+    }
+}

@@ -1,0 +1,436 @@
+//! The resident sections: copied, built, published, and given back, in the order that `gpu::Order` keeps.
+//!
+//! A section's *version* is copied once, into a new slot; then its derived part is built (tops under the
+//! mask, bridges and pyramid); when the host has seen the build reached, tables may name it. Another mask
+//! reruns the build on what is resident and copies nothing.
+
+use super::pool::{Access, Pool, Slot};
+use super::table::Entry;
+use crate::attribute::ClassMask;
+use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
+use crate::gpu::{
+    Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, Order, SyncPoint, UploadRing, shaders,
+};
+use crate::section::{Layout, Packed, SECTION_BLOCKS};
+use bytemuck::{Pod, Zeroable};
+use std::collections::{BTreeSet, HashMap};
+
+/// Bytes of the upload ring.
+const RING_BYTES: u64 = 16 << 20;
+/// Table copies, hence frames that may be under way at once.
+const FRAMES_IN_FLIGHT: usize = 2;
+
+/// What is shown: part of the derived data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Visibility {
+    /// Classes that are shown.
+    pub classes: ClassMask,
+    /// Show withheld points too.
+    pub withheld: bool,
+    /// Longest hole to bridge, cells (0 to 4).
+    pub bridge: u32,
+}
+
+impl Visibility {
+    fn shows(&self, class: u8, withheld: bool) -> bool {
+        self.classes.shows(class) && (self.withheld || !withheld)
+    }
+}
+
+/// What has been copied and built since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Bytes of section payloads copied to the device.
+    pub section_bytes: u64,
+    /// Section versions copied.
+    pub sections: u64,
+    /// Sections whose derived part was built or built again.
+    pub builds: u64,
+}
+
+/// How far a section is.
+#[derive(Clone, Copy, Debug)]
+enum State {
+    Copying(SyncPoint),
+    Building(SyncPoint),
+    Live,
+}
+
+/// One version of a section.
+struct Version {
+    slot: Slot,
+    layout: Layout,
+    highest_of: Vec<(u8, bool, Height)>,
+    state: State,
+}
+
+/// A section: the version that tables name, and the one on its way.
+#[derive(Default)]
+struct Resident {
+    live: Option<Version>,
+    coming: Option<Version>,
+}
+
+impl Resident {
+    /// The newest version whose tops are built, or are in the build being recorded.
+    fn built(&self) -> Option<&Version> {
+        self.coming.as_ref().filter(|v| !matches!(v.state, State::Copying(_))).or(self.live.as_ref())
+    }
+}
+
+/// A slot that was given back: free once the last work that used it is over.
+struct Freed {
+    slot: Slot,
+    uses: Vec<SyncPoint>,
+}
+
+/// Mirrors `Job` in `shaders/derive.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Job {
+    near: [[u32; 2]; 9],
+}
+
+/// Mirrors `Derive` in `shaders/derive.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Derive {
+    visible: [u32; 8],
+    visible_withheld: [u32; 8],
+    bridge: u32,
+    steep: i32,
+}
+
+/// Sections on the device.
+pub struct Scene {
+    /// Who waits for whom. One thread submits.
+    pub order: Order,
+    gpu: Gpu,
+    pool: Pool,
+    ring: UploadRing,
+    passes: [ComputePipeline; 3],
+    sections: HashMap<SectionKey, Resident>,
+    freed: Vec<Freed>,
+    /// The latest work that used a slot which is free again: copies go after it.
+    reclaimed: Option<SyncPoint>,
+    last_frame: Option<SyncPoint>,
+    visibility: Visibility,
+    cell: f64,
+    counters: Counters,
+}
+
+impl Scene {
+    /// An empty scene. `cell`: side of a finest cell in CRS units; `budget_bytes`: of the pool.
+    pub fn new(
+        gpu: &Gpu,
+        order: impl FnOnce(Order) -> Order,
+        access: Access,
+        budget_bytes: u64,
+        visibility: Visibility,
+        cell: f64,
+    ) -> Result<Scene, GpuError> {
+        let pass = |name, by_address, by_buffer| match access {
+            Access::Address => ComputePipeline::new(gpu, name, by_address, &[], 16, 0),
+            Access::StorageBuffer => ComputePipeline::new(gpu, name, by_buffer, &[], 0, 3),
+        };
+        Ok(Scene {
+            order: order(Order::new(gpu, FRAMES_IN_FLIGHT)?),
+            gpu: gpu.clone(),
+            pool: Pool::new(gpu, access, budget_bytes),
+            ring: UploadRing::new(gpu, "upload ring", RING_BYTES)?,
+            passes: [
+                pass("tops", shaders::TOPS, shaders::TOPS_SSBO)?,
+                pass("bridge", shaders::BRIDGE, shaders::BRIDGE_SSBO)?,
+                pass("pyramid", shaders::PYRAMID, shaders::PYRAMID_SSBO)?,
+            ],
+            sections: HashMap::new(),
+            freed: Vec::new(),
+            reclaimed: None,
+            last_frame: None,
+            visibility,
+            cell,
+            counters: Counters::default(),
+        })
+    }
+
+    /// Starts to copy a section's new version; the old one, if any, stays named until this one is live.
+    /// `false` when the pool has no room.
+    pub fn upload(&mut self, key: SectionKey, packed: &Packed) -> Result<bool, GpuError> {
+        let slot = loop {
+            self.reclaim()?;
+            if let Some(slot) = self.pool.alloc(packed.layout.device_bytes())? {
+                break slot;
+            }
+            let Some(use_of_freed) = self.freed.first().and_then(|f| f.uses.last()) else { return Ok(false) };
+            self.order.wait(*use_of_freed)?;
+        };
+        let bytes: &[u8] = bytemuck::cast_slice(&packed.words);
+        // A payload that is larger than the ring goes in pieces.
+        let mut last = None;
+        for (piece, part) in bytes.chunks(RING_BYTES as usize / 2).enumerate() {
+            let from = loop {
+                if let Some(from) = self.ring.push(&mut self.order, part)? {
+                    break from;
+                }
+                let oldest = self.ring.oldest().expect("a piece fits an empty ring");
+                self.order.wait(oldest)?;
+            };
+            let mut commands = self.order.begin_copy("upload", self.reclaimed.as_slice())?;
+            let to = slot.offset() + (piece * (RING_BYTES as usize / 2)) as u64;
+            let range = BufferCopy { from, to, size: part.len() as u64 };
+            commands.copy(self.ring.buffer(), self.pool.buffer(&slot), &[range]);
+            let point = self.order.submit(commands)?;
+            self.ring.seal(point);
+            last = Some(point);
+        }
+        let copied = last.expect("a payload has a header");
+        self.counters.section_bytes += bytes.len() as u64;
+        self.counters.sections += 1;
+        let version = Version {
+            slot,
+            layout: packed.layout,
+            highest_of: packed.highest_of.clone(),
+            state: State::Copying(copied),
+        };
+        let overtaken = self.sections.entry(key).or_default().coming.replace(version);
+        if let Some(old) = overtaken {
+            self.release(old);
+        }
+        Ok(true)
+    }
+
+    /// Takes a section out; its slot is free once no frame can read it any more.
+    pub fn remove(&mut self, key: SectionKey) {
+        if let Some(resident) = self.sections.remove(&key) {
+            resident.live.into_iter().chain(resident.coming).for_each(|v| self.release(v));
+        }
+    }
+
+    fn release(&mut self, version: Version) {
+        let mut uses = Vec::new();
+        if let State::Copying(point) | State::Building(point) = version.state {
+            uses.push(point);
+        }
+        uses.extend(self.last_frame);
+        self.freed.push(Freed { slot: version.slot, uses });
+    }
+
+    /// Gives slots back to the pool whose last use the host has seen over.
+    fn reclaim(&mut self) -> Result<(), GpuError> {
+        let mut still = Vec::new();
+        for freed in std::mem::take(&mut self.freed) {
+            let mut over = true;
+            for &point in &freed.uses {
+                over &= self.order.reached(point)?;
+            }
+            if over {
+                self.reclaimed = freed.uses.last().copied().or(self.reclaimed);
+                self.pool.free(freed.slot);
+            } else {
+                still.push(freed);
+            }
+        }
+        self.freed = still;
+        self.order.collect()
+    }
+
+    /// Moves every version on that the device is done with: copied ones are built (together with the
+    /// neighbours whose bridges they change), built ones go live. Never waits. Call it once a frame.
+    pub fn advance(&mut self) -> Result<(), GpuError> {
+        self.reclaim()?;
+        let (mut copied, mut done) = (Vec::new(), Vec::new());
+        for (&key, resident) in &self.sections {
+            match resident.coming.as_ref().map(|v| v.state) {
+                Some(State::Copying(point)) if self.order.reached(point)? => copied.push((key, point)),
+                Some(State::Building(point)) if self.order.is_live(point)? => done.push(key),
+                _ => {}
+            }
+        }
+        for key in done {
+            let resident = self.sections.get_mut(&key).expect("just seen");
+            let mut version = resident.coming.take().expect("just seen");
+            version.state = State::Live;
+            if let Some(old) = resident.live.replace(version) {
+                self.release(old);
+            }
+        }
+        if !copied.is_empty() {
+            let points: Vec<_> = copied.iter().map(|&(_, point)| point).collect();
+            let keys: Vec<_> = copied.into_iter().map(|(key, _)| key).collect();
+            self.build(&keys, &points)?;
+        }
+        Ok(())
+    }
+
+    /// Waits until every section is live.
+    pub fn settle(&mut self) -> Result<(), GpuError> {
+        loop {
+            self.advance()?;
+            let next = self.sections.values().filter_map(|r| match r.coming.as_ref()?.state {
+                State::Copying(point) | State::Building(point) => Some(point),
+                State::Live => None,
+            });
+            match next.max_by_key(|p| p.value()) {
+                Some(point) => self.order.wait(point)?,
+                None => return Ok(()),
+            }
+        }
+    }
+
+    /// Shows other things: the derived parts of all resident sections are built again; nothing is copied.
+    pub fn show(&mut self, visibility: Visibility) -> Result<(), GpuError> {
+        if visibility != self.visibility {
+            self.visibility = visibility;
+            let keys: Vec<_> =
+                self.sections.iter().filter(|(_, r)| r.built().is_some()).map(|(&key, _)| key).collect();
+            if !keys.is_empty() {
+                self.build(&keys, &[])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Records and submits the derived passes: tops of `keys`, then bridges and pyramids of those and their
+    /// neighbours.
+    fn build(&mut self, keys: &[SectionKey], copied: &[SyncPoint]) -> Result<(), GpuError> {
+        let mut commands = self.order.begin_build("build", copied)?;
+        let mut around = BTreeSet::new();
+        for &key in keys {
+            for (di, dj) in (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j))) {
+                let near = SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
+                if self.sections.contains_key(&near) {
+                    around.insert(near);
+                }
+            }
+        }
+        let fresh: BTreeSet<_> = keys.iter().copied().collect();
+        let newest = |key: &SectionKey| -> Option<&Version> {
+            let resident = self.sections.get(key)?;
+            if fresh.contains(key) { resident.coming.as_ref().or(resident.live.as_ref()) } else { resident.built() }
+        };
+        let job = |key: &SectionKey| -> Option<Job> {
+            newest(key)?;
+            let mut near = [[0; 2]; 9];
+            for (n, place) in near.iter_mut().enumerate() {
+                let (di, dj) = (n as i32 % 3 - 1, n as i32 / 3 - 1);
+                let key = SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
+                *place = newest(&key).map_or([0; 2], |v| self.pool.place(&v.slot));
+            }
+            Some(Job { near })
+        };
+        let tops: Vec<_> = fresh.iter().filter_map(job).collect();
+        let all: Vec<_> = around.iter().filter_map(job).collect();
+
+        let words = self.visibility.classes.0;
+        let derive = Derive {
+            visible: words,
+            visible_withheld: if self.visibility.withheld { words } else { [0; 8] },
+            bridge: self.visibility.bridge.min(4),
+            // Gaps steeper than 45° are edges.
+            steep: (self.cell * HEIGHT_STEPS_PER_UNIT).clamp(1.0, 1e6) as i32,
+        };
+        let upload = |name: &str, bytes: &[u8]| -> Result<Buffer, GpuError> {
+            let buffer = Buffer::new(&self.gpu, name, MemoryKind::Upload, bytes.len() as u64)?;
+            buffer.write(0, bytes);
+            Ok(buffer)
+        };
+        let params = upload("visibility", bytemuck::bytes_of(&derive))?;
+        let blocks = SECTION_BLOCKS as u32;
+        let [tops_pass, bridge_pass, pyramid_pass] = &self.passes;
+        // A dispatch has at most 65,535 workgroups a side.
+        for (program, jobs, per_job) in
+            [(tops_pass, &tops, Some(blocks)), (bridge_pass, &all, Some(blocks)), (pyramid_pass, &all, None)]
+        {
+            if !std::ptr::eq(program, tops_pass) {
+                self.order.next_pass(&mut commands);
+            }
+            for jobs in jobs.chunks(65_535) {
+                let buffer = upload("jobs", bytemuck::cast_slice(jobs))?;
+                commands.bind(program);
+                match self.pool.access() {
+                    Access::Address => {
+                        commands.push(bytemuck::cast_slice(&[buffer.address(), params.address()]));
+                        self.pool.buffers().for_each(|b| commands.keep(b.clone()));
+                        commands.keep(buffer.clone());
+                        commands.keep(params.clone());
+                    }
+                    Access::StorageBuffer => {
+                        let pool = self.pool.buffers().next().expect("a section is resident");
+                        commands.bind_buffers(&program.binding(&[pool, &buffer, &params])?);
+                    }
+                }
+                let count = jobs.len() as u32;
+                commands.dispatch(per_job.map_or([count, 1, 1], |blocks| [blocks, count, 1]));
+            }
+        }
+        self.counters.builds += all.len() as u64;
+        let point = self.order.submit(commands)?;
+        for key in fresh {
+            // What follows on this queue comes after the build.
+            if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.coming.as_mut()) {
+                version.state = State::Building(point);
+            }
+        }
+        Ok(())
+    }
+
+    /// What a table may name now: live sections that show anything, in key order.
+    pub fn entries(&self) -> Vec<Entry> {
+        let highest = |key: &SectionKey| -> Option<Height> {
+            let version = self.sections.get(key)?.live.as_ref()?;
+            let shown = version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
+            // Stored heights are rounded up by less than a stored step.
+            shown.map(|(_, _, h)| Height(h.0.saturating_add((1 << version.layout.code.shift) - 1))).max()
+        };
+        let mut entries: Vec<_> = self
+            .sections
+            .iter()
+            .filter_map(|(key, resident)| {
+                let version = resident.live.as_ref()?;
+                // Bridges rise no higher than what they lead to, which may be a neighbour's.
+                let reach = i32::from(self.visibility.bridge > 0);
+                let top = (-reach..=reach)
+                    .flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)))
+                    .filter_map(|(di, dj)| {
+                        highest(&SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) })
+                    })
+                    .max()?;
+                let layout = &version.layout;
+                let place = self.pool.place(&version.slot);
+                Some(Entry { key: *key, place, code: layout.code, pyramid: layout.pyramid, top })
+            })
+            .collect();
+        entries.sort_unstable_by_key(|e| e.key);
+        entries
+    }
+
+    /// Tells that a frame which could read every live section was submitted.
+    pub fn drawn(&mut self, frame: SyncPoint) {
+        self.last_frame = Some(frame);
+    }
+
+    /// The pool: its pages are kept by the commands that read them.
+    pub fn pool(&self) -> &Pool {
+        &self.pool
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Side of a finest cell, CRS units.
+    pub fn cell(&self) -> f64 {
+        self.cell
+    }
+
+    /// What has been copied and built since the start.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Lowest stored height step of the live sections is `2^shift` lattice steps; this is the largest shift.
+    pub fn coarsest_shift(&self) -> u32 {
+        self.sections.values().filter_map(|r| r.live.as_ref()).map(|v| v.layout.code.shift).max().unwrap_or(0)
+    }
+}

@@ -1,0 +1,220 @@
+//! The section table: what the traversal may see in one frame. Pure.
+//!
+//! A quadtree over sections as an open-addressed hash: a node is either a section or an ancestor of one, and
+//! carries the highest thing below it. Empty land has no node, so one stray point 185 km away costs a few
+//! slots. Laid out for `shaders/frame.glsl`.
+
+use crate::coords::{Height, SECTION_LOG2, SectionKey};
+use crate::section::HeightCode;
+use bytemuck::{Pod, Zeroable};
+use std::collections::HashMap;
+
+/// One slot. `shaders/frame.glsl` has the same struct.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+pub struct Node {
+    /// Node index at its level.
+    pub index: [i32; 2],
+    /// Level (log2 cells) | USED | SECTION | WIDE | shift << 12 | detail level << 16.
+    pub meta: u32,
+    /// Highest thing below, lattice steps from the anchor, rounded up.
+    pub top: f32,
+    /// Where the payload lies: its device address (or word), low half first.
+    pub place: [u32; 2],
+    /// Lattice height of code 0, from the anchor.
+    pub base: i32,
+    /// Word of the payload at which the pyramid starts.
+    pub pyramid: u32,
+}
+
+const _: () = assert!(size_of::<Node>() == 32);
+
+const USED: u32 = 0x100;
+const SECTION: u32 = 0x200;
+const WIDE: u32 = 0x400;
+
+/// A section that is to be named in a table.
+#[derive(Clone, Copy, Debug)]
+pub struct Entry {
+    /// Which one.
+    pub key: SectionKey,
+    /// Its payload's place.
+    pub place: [u32; 2],
+    /// How it stores heights.
+    pub code: HeightCode,
+    /// Word at which its pyramid starts.
+    pub pyramid: u32,
+    /// Nothing that it shows is higher.
+    pub top: Height,
+}
+
+/// A finished table.
+#[derive(Debug, PartialEq)]
+pub struct Table {
+    /// A power of two of slots.
+    pub slots: Vec<Node>,
+    /// log2 cells of the coarsest nodes' side.
+    pub top_level: u32,
+    /// Cells covered: lower corner.
+    pub low: [i32; 2],
+    /// Upper corner, exclusive.
+    pub high: [i32; 2],
+}
+
+/// Lattice steps above `anchor` as the f32 at or just above.
+pub fn steps_above(height: Height, anchor: Height) -> f32 {
+    let steps = i64::from(height.0) - i64::from(anchor.0);
+    let rounded = steps as f32;
+    if (rounded as i64) < steps { rounded.next_up() } else { rounded }
+}
+
+fn hash(level: u32, index: [i32; 2]) -> u32 {
+    let h = (index[0] as u32).wrapping_mul(0x9E37_79B1)
+        ^ (index[1] as u32).wrapping_mul(0x85EB_CA77)
+        ^ level.wrapping_mul(0xC2B2_AE3D);
+    let h = (h ^ h >> 15).wrapping_mul(0x2C1B_3C6D);
+    h ^ h >> 13
+}
+
+impl Table {
+    /// Names `entries`; no two may overlap. Heights count from `anchor`. O(entries · levels).
+    pub fn build(entries: &[Entry], anchor: Height) -> Table {
+        let node_of = |e: &Entry| (SECTION_LOG2 + u32::from(e.key.level), [e.key.i, e.key.j]);
+        // The coarsest level at which at most 2×2 nodes cover everything: higher ones would only be walked through.
+        let mut top_level = entries.iter().map(|e| node_of(e).0).max().unwrap_or(SECTION_LOG2);
+        let (low, high) = loop {
+            let (mut low, mut high) = ([i32::MAX; 2], [i32::MIN; 2]);
+            for e in entries {
+                let (level, index) = node_of(e);
+                for axis in 0..2 {
+                    let at = index[axis] >> (top_level - level);
+                    low[axis] = low[axis].min(at);
+                    high[axis] = high[axis].max(at);
+                }
+            }
+            if entries.is_empty() {
+                break ([0; 2], [-1; 2]);
+            }
+            if (0..2).all(|a| i64::from(high[a]) - i64::from(low[a]) <= 1) {
+                break (low, high);
+            }
+            top_level += 1;
+        };
+
+        let mut nodes = HashMap::<(u32, [i32; 2]), Node>::new();
+        for e in entries {
+            let (level, index) = node_of(e);
+            let top = steps_above(e.top, anchor);
+            let wide = if e.code.wide { WIDE } else { 0 };
+            let node = Node {
+                index,
+                meta: level | USED | SECTION | wide | e.code.shift << 12 | u32::from(e.key.level) << 16,
+                top,
+                place: e.place,
+                base: e.code.base.wrapping_sub(anchor.0),
+                pyramid: e.pyramid,
+            };
+            let other = nodes.insert((level, index), node);
+            assert!(other.is_none(), "{:?} is named twice, or lies over a finer section", e.key);
+            for above in level + 1..=top_level {
+                let index = [index[0] >> (above - level), index[1] >> (above - level)];
+                let node = nodes.entry((above, index)).or_insert(Node {
+                    index,
+                    meta: above | USED,
+                    top,
+                    ..Node::zeroed()
+                });
+                assert!(node.meta & SECTION == 0, "{:?} lies under a coarser section", e.key);
+                node.top = node.top.max(top);
+            }
+        }
+
+        // At most half full; the shader's probe ends at the first unused slot.
+        let size = (nodes.len() * 2).next_power_of_two().max(2);
+        let mut slots = vec![Node::zeroed(); size];
+        // In key order, so that the same entries always give the same bytes.
+        let mut nodes: Vec<_> = nodes.into_iter().collect();
+        nodes.sort_unstable_by_key(|(key, _)| *key);
+        for ((level, index), node) in nodes {
+            let mut slot = hash(level, index) as usize & (size - 1);
+            while slots[slot].meta & USED != 0 {
+                slot = (slot + 1) & (size - 1);
+            }
+            slots[slot] = node;
+        }
+        Table {
+            slots,
+            top_level,
+            low: low.map(|i| i << top_level),
+            high: high.map(|i| ((i64::from(i) + 1) << top_level) as i32),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(i: i32, j: i32, top: i32) -> Entry {
+        Entry {
+            key: SectionKey { level: 0, i, j },
+            place: [i as u32, j as u32],
+            code: HeightCode { base: 0, shift: 0, wide: false },
+            pyramid: 7,
+            top: Height(top),
+        }
+    }
+
+    fn find(table: &Table, level: u32, index: [i32; 2]) -> Option<Node> {
+        let mask = table.slots.len() - 1;
+        let mut slot = hash(level, index) as usize & mask;
+        loop {
+            let node = table.slots[slot];
+            if node.meta & USED == 0 {
+                return None;
+            }
+            if node.meta & 0xFF == level && node.index == index {
+                return Some(node);
+            }
+            slot = (slot + 1) & mask;
+        }
+    }
+
+    #[test]
+    fn every_section_and_ancestor_is_found() {
+        let entries: Vec<_> =
+            (0..40).flat_map(|i| (0..30).map(move |j| entry(i - 7, j - 9, i * 100 + j))).collect();
+        let table = Table::build(&entries, Height(50));
+        for e in &entries {
+            let node = find(&table, 8, [e.key.i, e.key.j]).unwrap();
+            assert_eq!((node.place, node.meta & SECTION), (e.place, SECTION));
+            for level in 9..=table.top_level {
+                let above = find(&table, level, [e.key.i >> (level - 8), e.key.j >> (level - 8)]).unwrap();
+                assert!(above.top >= (e.top.0 - 50) as f32 && above.meta & SECTION == 0);
+            }
+            for axis in 0..2 {
+                let cell = [e.key.i, e.key.j][axis] * 256;
+                assert!(table.low[axis] <= cell && cell + 256 <= table.high[axis]);
+            }
+        }
+        assert!(find(&table, 8, [33, 0]).is_none());
+        // 40 sections reach over at most two nodes of 32.
+        assert!(table.top_level <= 14, "{}", table.top_level);
+    }
+
+    #[test]
+    fn one_stray_section_costs_a_few_slots() {
+        let mut entries: Vec<_> = (0..16).map(|i| entry(i % 4, i / 4, 0)).collect();
+        entries.push(entry(1 << 20, -(1 << 20), 9));
+        let table = Table::build(&entries, Height(0));
+        assert!(table.slots.len() <= 256);
+        assert!(find(&table, table.top_level, [0, 0]).is_some());
+    }
+
+    #[test]
+    fn tops_round_up() {
+        assert_eq!(steps_above(Height(1 << 30), Height(1)), (1 << 30) as f32);
+        assert!(steps_above(Height(16_777_217), Height(0)) >= 16_777_217.0);
+        assert!(Table::build(&[], Height(0)).slots.iter().all(|n| n.meta == 0));
+    }
+}

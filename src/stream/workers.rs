@@ -1,0 +1,116 @@
+//! Workers: chunks of all files to bins, in parallel over chunks and over files.
+
+use super::bins::{Binner, Bins, Meaning};
+use crate::source::placement::Placement;
+use crate::source::{Chunk, Decoder, LidarFile, PointBlock, SourceError};
+use glam::DVec3;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+
+/// What a file's RGB fields hold: decided once a file, never per point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RgbDepth {
+    /// No colour: fields absent, or zero throughout.
+    None,
+    /// 8 bits in 16-bit fields.
+    Eight,
+    /// 16 bits, as the standard says.
+    Sixteen,
+}
+
+/// A file that is to be read, and what its numbers mean.
+pub struct Input {
+    /// Opened.
+    pub file: LidarFile,
+    /// File coordinates to world coordinates.
+    pub placement: Placement,
+    /// How to read its colours.
+    pub rgb: RgbDepth,
+}
+
+impl Meaning for Input {
+    #[inline]
+    fn world(&self, block: &PointBlock, i: usize) -> DVec3 {
+        let h = &self.file.header;
+        // E = X · scale + offset (LAS 1.4 R15, 2.4), each step rounded as written.
+        let e = f64::from(block.x[i]) * h.scale.x + h.offset.x;
+        let n = f64::from(block.y[i]) * h.scale.y + h.offset.y;
+        let u = f64::from(block.z[i]) * h.scale.z + h.offset.z;
+        self.placement.place(e, n, u)
+    }
+
+    #[inline]
+    fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3] {
+        match (self.rgb, block.rgb.get(i)) {
+            (RgbDepth::Eight, Some(rgb)) => rgb.map(|v| v.min(255) as u8),
+            (RgbDepth::Sixteen, Some(rgb)) => rgb.map(|v| (v >> 8) as u8),
+            _ => [0; 3],
+        }
+    }
+}
+
+/// How far the reading is; shared with whoever shows it.
+#[derive(Debug, Default)]
+pub struct Progress {
+    /// Points binned.
+    pub points: AtomicU64,
+    /// Set it to stop early.
+    pub stop: AtomicBool,
+}
+
+/// Jobs that wait for a worker.
+const QUEUE: usize = 64;
+
+/// Reads every chunk of `inputs` on `threads` workers and bins its points; returns what went wrong, in the
+/// order of files and chunks. A file that cannot be read any more is named once; a broken chunk is named and
+/// the next one goes on.
+pub fn read_all(inputs: &[Input], bins: &Bins, threads: usize, progress: &Progress) -> Vec<SourceError> {
+    struct Job<'a> {
+        input: usize,
+        chunk: &'a Chunk,
+    }
+    let errors = Mutex::new(Vec::<(usize, u64, SourceError)>::new());
+    // Chunks left in each file: its handle is closed after the last.
+    let left: Vec<_> = inputs.iter().map(|i| AtomicUsize::new(i.file.chunks.len())).collect();
+    let gone: Vec<_> = inputs.iter().map(|_| AtomicBool::new(false)).collect();
+    let (send, receive) = crossbeam_channel::bounded::<Job>(QUEUE);
+    std::thread::scope(|scope| {
+        for _ in 0..threads.max(1) {
+            let (receive, errors, left, gone) = (receive.clone(), &errors, &left, &gone);
+            scope.spawn(move || {
+                let (mut decoder, mut binner) = (Decoder::default(), Binner::default());
+                for Job { input, chunk } in receive {
+                    let source = &inputs[input];
+                    if !gone[input].load(Ordering::Relaxed) && !progress.stop.load(Ordering::Relaxed) {
+                        let result = decoder.decode(&source.file, chunk, 0..chunk.records, &mut |block| {
+                            binner.bin(bins, source, block);
+                            progress.points.fetch_add(block.len() as u64, Ordering::Relaxed);
+                        });
+                        if let Err(error) = result {
+                            // A file that vanished or a disk that fails is named once, not once a chunk.
+                            let lost = matches!(error, SourceError::Io { .. });
+                            if !lost || !gone[input].swap(true, Ordering::Relaxed) {
+                                let mut errors = errors.lock().unwrap_or_else(|e| e.into_inner());
+                                errors.push((input, chunk.index, error));
+                            }
+                        }
+                    }
+                    if left[input].fetch_sub(1, Ordering::Relaxed) == 1 {
+                        source.file.bytes.release();
+                    }
+                }
+            });
+        }
+        drop(receive);
+        for (input, source) in inputs.iter().enumerate() {
+            for chunk in &source.file.chunks {
+                // Workers end only when this side hangs up.
+                send.send(Job { input, chunk }).expect("workers receive until the end");
+            }
+        }
+        drop(send);
+    });
+    let mut errors = errors.into_inner().unwrap_or_else(|e| e.into_inner());
+    errors.sort_by_key(|(input, chunk, _)| (*input, *chunk));
+    errors.into_iter().map(|(_, _, error)| error).collect()
+}
