@@ -5,8 +5,8 @@
 
 mod made;
 
-use made::{Made, Packing, data_dir, las_crate_files, lidar_files};
 use lasray::source::{Decoder, LidarFile, PointBlock};
+use made::{Made, Packing, data_dir, las_crate_files, lidar_files};
 use peak_alloc::PeakAlloc;
 use proptest::{
     prelude::*,

@@ -2,8 +2,8 @@
 
 mod made;
 
-use made::{Made, Packing, append, columns, decode_all};
 use lasray::source::{Decoder, LidarFile, PointBlock, SourceError, Warning};
+use made::{Made, Packing, append, columns, decode_all};
 use std::path::PathBuf;
 
 /// A directory that holds one file.

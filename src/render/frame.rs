@@ -251,13 +251,16 @@ impl Renderer {
             })
         };
         let corners_at = |b: [f64; 4], z: f64| {
-            [(b[0], b[1]), (b[2], b[1]), (b[0], b[3]), (b[2], b[3])].map(|(x, y)| depth_of(DVec3::new(x, y, z)))
+            [(b[0], b[1]), (b[2], b[1]), (b[0], b[3]), (b[2], b[3])]
+                .map(|(x, y)| depth_of(DVec3::new(x, y, z)))
         };
         // Columns are solid without end: the lowest point that a ray of the picture can reach over the data.
         let farthest = boxes().flat_map(|(b, top)| corners_at(b, top)).fold(0.0, f64::max);
         let lowest = corners
             .iter()
-            .map(|&(x, y)| (shown.origin(x, y) + shown.direction(x, y) * farthest).z.min(shown.origin(x, y).z))
+            .map(|&(x, y)| {
+                (shown.origin(x, y) + shown.direction(x, y) * farthest).z.min(shown.origin(x, y).z)
+            })
             .fold(f64::INFINITY, f64::min);
         let nearest = boxes()
             .flat_map(|(b, top)| [corners_at(b, top), corners_at(b, lowest.min(top))].concat())
@@ -384,7 +387,8 @@ impl Renderer {
         let [w, h] = view.size.map(f64::from);
         let cell = self.grid.cell();
         let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, HEIGHT_STEPS_PER_UNIT);
-        let anchor = DVec3::new(self.grid.anchor[0] as f64, self.grid.anchor[1] as f64, f64::from(self.anchor.0));
+        let anchor =
+            DVec3::new(self.grid.anchor[0] as f64, self.grid.anchor[1] as f64, f64::from(self.anchor.0));
         let place = match self.access {
             Access::Address => |b: &Buffer| halves(b.address()),
             Access::StorageBuffer => |_: &Buffer| [0; 2],
@@ -436,7 +440,14 @@ impl Renderer {
     }
 
     /// Channels of the picture: distances and heights in f64 from what the device found.
-    fn finish(&self, view: &View, shown: &RayBasis, rays: &RayBasis, hits: &[Hit], colors: Vec<[f32; 4]>) -> Image {
+    fn finish(
+        &self,
+        view: &View,
+        shown: &RayBasis,
+        rays: &RayBasis,
+        hits: &[Hit],
+        colors: Vec<[f32; 4]>,
+    ) -> Image {
         let [width, height] = view.size;
         let mut image = Image::new(view.size);
         for (at, (hit, color)) in hits.iter().zip(colors).enumerate() {

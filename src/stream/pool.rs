@@ -92,7 +92,8 @@ impl Pool {
         if size < bytes || size == 0 {
             return Ok(None);
         }
-        let buffer = Buffer::new(&self.gpu, &format!("pool page {}", self.pages.len()), MemoryKind::Device, size)?;
+        let buffer =
+            Buffer::new(&self.gpu, &format!("pool page {}", self.pages.len()), MemoryKind::Device, size)?;
         let space = Allocator::new((size / ALIGN) as u32);
         let page = Some(Page { buffer, space, free_bytes: size });
         let vacant = self.pages.iter().position(Option::is_none);

@@ -297,7 +297,8 @@ impl Scene {
         let mut around = BTreeSet::new();
         for &key in keys {
             for (di, dj) in (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j))) {
-                let near = SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
+                let near =
+                    SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
                 if self.sections.contains_key(&near) {
                     around.insert(near);
                 }
@@ -306,14 +307,19 @@ impl Scene {
         let fresh: BTreeSet<_> = keys.iter().copied().collect();
         let newest = |key: &SectionKey| -> Option<&Version> {
             let resident = self.sections.get(key)?;
-            if fresh.contains(key) { resident.coming.as_ref().or(resident.live.as_ref()) } else { resident.built() }
+            if fresh.contains(key) {
+                resident.coming.as_ref().or(resident.live.as_ref())
+            } else {
+                resident.built()
+            }
         };
         let job = |key: &SectionKey| -> Option<Job> {
             newest(key)?;
             let mut near = [[0; 2]; 9];
             for (n, place) in near.iter_mut().enumerate() {
                 let (di, dj) = (n as i32 % 3 - 1, n as i32 / 3 - 1);
-                let key = SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
+                let key =
+                    SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
                 *place = newest(&key).map_or([0; 2], |v| self.pool.place(&v.slot));
             }
             Some(Job { near })
@@ -392,7 +398,11 @@ impl Scene {
                 let top = (-reach..=reach)
                     .flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)))
                     .filter_map(|(di, dj)| {
-                        highest(&SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) })
+                        highest(&SectionKey {
+                            level: key.level,
+                            i: key.i.wrapping_add(di),
+                            j: key.j.wrapping_add(dj),
+                        })
                     })
                     .max()?;
                 let layout = &version.layout;
