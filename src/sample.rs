@@ -1,22 +1,29 @@
 //! The opening sample, and what is decided from it once for all files: placement, cell size, framing,
-//! colour. Nothing here depends on the order of reading, on threads, or on how the files were named.
+//! how RGB is stored, what colours are chosen by. Nothing here depends on the order of reading, on
+//! threads, or on how the files were named.
 //!
 //! Sets of up to 250,000 points are read whole. Of larger ones it reads the first point of (at most
 //! 65,536) chunks, and whole chunks at four places of the set, about 50,000 points each; of a COPC file the
-//! nodes over a few small windows instead. Files with RGB that this leaves with few points are read 256
-//! points further.
+//! nodes over a few small windows instead. Where flight lines overlap, chunks of the other lines are read
+//! around each place, at most six. Files with RGB that this leaves with few points are read 256 points
+//! further.
 
 mod cell;
 mod frame;
+mod ground;
+mod places;
+mod rgb;
 
 pub use cell::{CellChoice, Patch, choose as choose_cell};
 pub use frame::Bounds;
+pub use rgb::RgbDepth;
 
+use crate::attribute::{AttributeSummary, Spread};
 use crate::source::crs::{self, Crs, CrsError};
 use crate::source::placement::{FileFacts, Placement, PlacementOptions, World};
-use crate::source::{Chunk, Copc, Decoder, FLAG_WITHHELD, LidarFile, PointBlock, SourceError, VoxelKey};
-use glam::{DVec2, DVec3};
-use std::collections::{HashMap, HashSet};
+use crate::source::{Decoder, FLAG_WITHHELD, LidarFile, PointBlock, SourceError};
+use glam::DVec3;
+use places::Place;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -78,74 +85,13 @@ pub fn open_all(paths: &[PathBuf]) -> Vec<Result<Opened, SourceError>> {
     parallel(paths.len(), |_, index| open(&paths[index]))
 }
 
-/// What a file's RGB fields hold.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Rgb {
-    /// The format has no such fields.
-    Absent,
-    /// The same everywhere (most often zero): no colour.
-    Constant,
-    /// 0 to 255.
-    Eight,
-    /// 0 to 65,535.
-    Sixteen,
-}
-
-impl Rgb {
-    /// Whether there is colour to show.
-    pub fn is_color(self) -> bool {
-        matches!(self, Rgb::Eight | Rgb::Sixteen)
-    }
-}
-
-/// What `--color auto` comes to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum AutoColor {
-    /// 5 % of the sample or more has a colour that is not zero.
-    Rgb,
-    /// More than 10 % is in a class that tells something: not 0, 1, 2, 7, 12, 18.
-    Class,
-    /// Neither.
-    Height,
-}
-
-/// Where given shares of an attribute's values lie.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Percentiles {
-    /// 0.5 % of the values lie below.
-    pub p0_5: f64,
-    /// 2 %.
-    pub p2: f64,
-    /// Half of them.
-    pub p50: f64,
-    /// 98 %.
-    pub p98: f64,
-    /// 99.5 %.
-    pub p99_5: f64,
-}
-
-/// Attributes with one value only, which are drawn grey and named.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Constant {
-    /// ASPRS class.
-    pub class: bool,
-    /// Intensity.
-    pub intensity: bool,
-    /// Return number and number of returns.
-    pub returns: bool,
-}
-
 /// What the sample says of one file.
 #[derive(Clone, Debug)]
 pub struct FileSample {
-    /// Decided here once for all its points.
-    pub rgb: Rgb,
+    /// How all its points' RGB is to be read.
+    pub rgb: RgbDepth,
     /// World box without stray points; `None` for no points, or a file left out.
     pub bounds: Option<Bounds>,
-    /// Over the file's sampled points.
-    pub constant: Constant,
 }
 
 /// The opening sample's decisions.
@@ -163,19 +109,13 @@ pub struct Sample {
     pub whole: bool,
     /// Cell size, density, coverage.
     pub cell: CellChoice,
-    /// U of shown points, world units.
-    pub height: Percentiles,
-    /// Intensity of shown points.
-    pub intensity: Percentiles,
+    /// Of the points shown by default (of all, where none is); counts are estimates unless `whole`.
+    pub attributes: AttributeSummary,
     /// Points of each class, hidden ones included; estimates unless `whole`.
-    pub classes: Box<[f64; 256]>,
+    pub classes: Box<[u64; 256]>,
     /// What is to be framed; `None` for no points.
     pub bounds: Option<Bounds>,
-    /// `--color auto`.
-    pub color: AutoColor,
-    /// Over all files.
-    pub constant: Constant,
-    /// Chunks that could not be read; what they hold will be missing.
+    /// Chunks that could not be read (file, why); what they hold will be missing.
     pub problems: Vec<(usize, SourceError)>,
 }
 
@@ -214,463 +154,237 @@ fn unpack(file: &LidarFile, raw: [i32; 3]) -> DVec3 {
     DVec3::new(x * scale.x + offset.x, y * scale.y + offset.y, z * scale.z + offset.z)
 }
 
-/// A place of a file that is read: which records, and the window that counts, if not everything does.
-#[derive(Clone, Debug)]
-struct Place {
-    file: usize,
-    /// Chunk index and records of it from its start.
-    chunks: Vec<(usize, u64)>,
-    /// West, south, east, north in file coordinates: all that lies in it is in `chunks`.
-    window: Option<[f64; 4]>,
-}
-
 /// Takes the opening sample of `files` (sorted by path) and decides.
 pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sample {
     let mut problems = Vec::new();
+    let firsts = read_firsts(files, budget, &mut problems);
+    let world = World::of(&facts(files, &firsts), options);
+    let drawn: Vec<usize> = (0..files.len()).filter(|&index| world.placements[index].is_some()).collect();
+    let points: u64 = drawn.iter().map(|&index| files[index].file.points()).sum();
 
-    // First points: where each file lies, and a thin sample over everything.
-    let most = (budget.first_points / files.len().max(1)).max(1);
-    let firsts = parallel(files.len(), |decoder, index| {
-        let file = &files[index].file;
-        let mut seen = Vec::new();
-        let result = if file.chunks.is_empty() {
-            Ok(())
-        } else {
-            decoder.first_points(file, most).map(|block| append(block, &mut seen))
-        };
-        file.bytes.release();
-        (seen, result.err())
-    });
-    let mut first_points = Vec::with_capacity(files.len());
-    for (index, (seen, error)) in firsts.into_iter().enumerate() {
-        problems.extend(error.map(|error| (index, error)));
-        first_points.push(seen);
-    }
-    let facts: Vec<FileFacts> = files
-        .iter()
-        .zip(&first_points)
-        .map(|(Opened { file, crs, .. }, seen)| FileFacts {
-            crs: crs.as_ref(),
-            points: file.points(),
-            centre: median(seen.iter().map(|seen| unpack(file, seen.raw))),
-        })
-        .collect();
-    let world = World::of(&facts, options);
-    let drawn = |index: usize| world.placements[index].is_some();
-
-    // Whole chunks.
-    let points: u64 = (0..files.len()).filter(|&i| drawn(i)).map(|i| files[i].file.points()).sum();
-    let places = if points <= budget.whole {
-        every_place(files, drawn)
-    } else {
-        chosen_places(files, drawn, points, budget)
-    };
     let whole = points <= budget.whole;
-    let read = parallel(places.len(), |decoder, index| {
-        let place = &places[index];
-        let (mut seen, mut errors) = (Vec::new(), Vec::new());
-        let file = &files[place.file].file;
-        for &(chunk, records) in &place.chunks {
-            let result =
-                decoder.decode(file, &file.chunks[chunk], 0..records, &mut |block| append(block, &mut seen));
-            errors.extend(result.err());
-        }
-        file.bytes.release();
-        (seen, errors)
-    });
-    let mut patches = Vec::with_capacity(places.len());
-    for (place, (seen, errors)) in places.iter().zip(read) {
-        problems.extend(errors.into_iter().map(|error| (place.file, error)));
-        patches.push(seen);
-    }
+    let places = match whole {
+        true => places::every_place(files, &drawn),
+        false => places::chosen_places(files, &drawn, points, budget),
+    };
+    let seen = read_places(files, &places, &mut problems);
+    // A set that is read whole has its first points among the others.
+    let firsts = if whole { vec![Vec::new(); files.len()] } else { firsts };
+    let rgb = rgb::decide(files, &rgb_of(files, &drawn, &firsts, &places, &seen, whole));
 
-    // RGB of files that the places passed by.
-    let mut rgb_points: Vec<Vec<[u16; 3]>> = vec![Vec::new(); files.len()];
-    if !whole {
-        first_points
-            .iter()
-            .enumerate()
-            .for_each(|(i, seen)| rgb_points[i].extend(seen.iter().map(|s| s.rgb)));
-    }
-    for (place, seen) in places.iter().zip(&patches) {
-        rgb_points[place.file].extend(seen.iter().map(|s| s.rgb));
-    }
-    let thin: Vec<usize> = (0..files.len())
-        .filter(|&i| !whole && drawn(i) && has_rgb(&files[i].file) && rgb_points[i].len() < RGB_POINTS)
-        .take(RGB_FILES)
-        .collect();
-    let more = parallel(thin.len(), |decoder, index| {
-        let file = &files[thin[index]].file;
-        let mut seen = Vec::new();
-        // A broken chunk is reported when it is drawn; here it only tells less.
-        if let Some(chunk) = file.chunks.get(file.chunks.len() / 2) {
-            let _ = decoder.decode(file, chunk, 0..RGB_POINTS as u64, &mut |block| append(block, &mut seen));
-        }
-        file.bytes.release();
-        seen
-    });
-    for (&index, seen) in thin.iter().zip(more) {
-        rgb_points[index].extend(seen.iter().map(|seen| seen.rgb));
-    }
-    let rgb = decide_rgb(files, &rgb_points);
-
-    // All points with their weights: first points and chunks each stand for the whole.
-    let decoded: usize = patches.iter().map(Vec::len).sum();
-    let chunk_weight = points as f64 / decoded.max(1) as f64;
+    // First points and places each stand for the whole, so each has half of the weight.
+    let half = if whole { 1.0 } else { 0.5 };
     let mut weighted: Vec<Vec<(&Seen, f64)>> = vec![Vec::new(); files.len()];
-    for index in (0..files.len()).filter(|&i| drawn(i) && !whole) {
-        let seen = &first_points[index];
-        let weight = files[index].file.points() as f64 / seen.len().max(1) as f64;
-        weighted[index].extend(seen.iter().map(|seen| (seen, weight)));
+    for &index in &drawn {
+        let weight = half * files[index].file.points() as f64 / firsts[index].len().max(1) as f64;
+        weighted[index].extend(firsts[index].iter().map(|seen| (seen, weight)));
     }
-    for (place, seen) in places.iter().zip(&patches) {
-        weighted[place.file].extend(seen.iter().map(|seen| (seen, chunk_weight)));
+    let decoded: usize = seen.iter().map(Vec::len).sum();
+    let weight = half * points as f64 / decoded.max(1) as f64;
+    for (place, seen) in places.iter().zip(&seen) {
+        weighted[place.file].extend(seen.iter().map(|seen| (seen, weight)));
     }
-    let all =
-        || weighted.iter().enumerate().flat_map(|(file, seen)| seen.iter().map(move |s| (file, s.0, s.1)));
+
     // Where everything is noise, noise is what is measured.
-    let any_shown = all().any(|(_, seen, _)| !hidden_by_default(seen.class, seen.flags));
-    let shown = |seen: &Seen| !any_shown || !hidden_by_default(seen.class, seen.flags);
+    let everything = weighted.iter().flatten().all(|(seen, _)| hidden_by_default(seen.class, seen.flags));
+    let shown = |seen: &Seen| everything || !hidden_by_default(seen.class, seen.flags);
     let place = |file: usize, seen: &Seen| {
         let point = unpack(&files[file].file, seen.raw);
-        world.placements[file].expect("drawn files alone are sampled").place(point.x, point.y, point.z)
+        let placement = world.placements[file].expect("only files that are drawn are sampled");
+        placement.place(point.x, point.y, point.z)
     };
-
-    let mut classes = Box::new([0.0; 256]);
-    let (mut colored, mut telling, mut weight_sum) = (0.0, 0.0, 0.0);
-    let (mut heights, mut intensities) = (Vec::new(), Vec::new());
-    for (file, seen, weight) in all() {
-        classes[usize::from(seen.class)] += weight;
-        if shown(seen) {
-            weight_sum += weight;
-            colored += if rgb[file].is_color() && seen.rgb != [0; 3] { weight } else { 0.0 };
-            telling += if matches!(seen.class, 0 | 1 | 2 | 7 | 12 | 18) { 0.0 } else { weight };
-            heights.push((place(file, seen).z, weight));
-            intensities.push((f64::from(seen.intensity), weight));
+    let mut classes = vec![0.0; 256];
+    let mut shown_points = Vec::new();
+    for (file, points) in weighted.iter().enumerate() {
+        for &(seen, weight) in points {
+            classes[usize::from(seen.class)] += weight;
+            if shown(seen) {
+                shown_points.push(Shown {
+                    seen,
+                    weight,
+                    u: place(file, seen).z,
+                    rgb: rgb[file].to_8_bit(seen.rgb),
+                });
+            }
         }
     }
-    if !whole {
-        // Both samples stand for all points.
-        classes.iter_mut().for_each(|count| *count /= 2.0);
-    }
-    let color = if colored >= 0.05 * weight_sum && weight_sum > 0.0 {
-        AutoColor::Rgb
-    } else if telling > 0.1 * weight_sum {
-        AutoColor::Class
-    } else {
-        AutoColor::Height
+    let file_bounds = |index: usize| {
+        let placement = world.placements[index].as_ref()?;
+        let placed = weighted[index].iter().filter(|(seen, _)| shown(seen));
+        let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
+        let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| point.is_finite()).collect();
+        (files[index].file.points() > 0)
+            .then(|| frame::file_bounds(header_bounds(&files[index].file, placement), &placed))?
     };
-
-    let file_samples: Vec<FileSample> = (0..files.len())
-        .map(|index| {
-            let Some(placement) = &world.placements[index] else {
-                return FileSample { rgb: rgb[index], bounds: None, constant: Constant::default() };
-            };
-            let placed: Vec<(DVec3, f64)> = weighted[index]
-                .iter()
-                .filter(|(seen, _)| shown(seen))
-                .map(|(seen, weight)| (place(index, seen), *weight))
-                .filter(|(point, _)| point.is_finite())
-                .collect();
-            let header = header_bounds(&files[index].file, placement);
-            let bounds =
-                if files[index].file.points() == 0 { None } else { frame::file_bounds(header, &placed) };
-            let constant = constant(weighted[index].iter().map(|(seen, _)| *seen));
-            FileSample { rgb: rgb[index], bounds, constant }
-        })
-        .collect();
-    let boxes: Vec<(Bounds, u64)> = file_samples
-        .iter()
-        .zip(files)
-        .filter_map(|(sample, opened)| Some((sample.bounds?, opened.file.points())))
-        .collect();
-
-    let in_runs = || (0..files.len()).filter(|&i| drawn(i) && files[i].file.copc.is_none());
-    let ground = Ground {
+    let bounds: Vec<Option<Bounds>> = (0..files.len()).map(file_bounds).collect();
+    let ground = ground::Ground {
+        files,
+        budget,
+        drawn: &drawn,
+        firsts: &firsts,
         whole,
         shown: &shown,
         place: &place,
-        files,
-        budget,
-        first_points: &first_points,
-        boxes_of: file_samples.iter().map(|sample| sample.bounds).collect(),
-        boxes: in_runs().filter_map(|i| file_samples[i].bounds).collect(),
-        points: in_runs().map(|i| files[i].file.points()).sum(),
+        bounds: &bounds,
     };
-    let patches = ground_patches(&places, &patches, &ground);
-    let finest = (0..files.len())
-        .filter(|&i| drawn(i))
-        .map(|i| files[i].file.header.scale.truncate().min_element())
-        .fold(f64::INFINITY, f64::min);
-    let sampled = decoded + if whole { 0 } else { first_points.iter().map(Vec::len).sum() };
+    let patches = ground::patches(&places, &seen, &ground);
+    let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
+    let boxes: Vec<(Bounds, u64)> = bounds
+        .iter()
+        .zip(files)
+        .filter_map(|(bounds, opened)| Some(((*bounds)?, opened.file.points())))
+        .collect();
     Sample {
-        files: file_samples,
         points,
-        sampled: sampled as u64,
+        sampled: (decoded + firsts.iter().map(Vec::len).sum::<usize>()) as u64,
         whole,
-        cell: cell::choose(&patches, finest),
-        height: percentiles(heights),
-        intensity: percentiles(intensities),
-        classes,
+        cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
+        attributes: summarise(&shown_points),
+        classes: counts(&classes),
         bounds: frame::whole_bounds(&boxes),
-        color,
-        constant: constant(all().map(|(_, seen, _)| seen)),
+        files: rgb.into_iter().zip(&bounds).map(|(rgb, &bounds)| FileSample { rgb, bounds }).collect(),
         problems,
         world,
     }
 }
 
-/// The places of a set that is read whole: its files.
-fn every_place(files: &[Opened], drawn: impl Fn(usize) -> bool) -> Vec<Place> {
-    let all = |file: usize| files[file].file.chunks.iter().map(|chunk| (chunk.index as usize, chunk.records));
-    let place = |file| Place { file, chunks: all(file).collect(), window: None };
-    (0..files.len()).filter(|&file| drawn(file)).map(place).collect()
-}
-
-/// `budget.places` places at even distances in the order of points.
-fn chosen_places(
+/// The first points of chunks of every file: where it lies, and a thin sample over all of it.
+fn read_firsts(
     files: &[Opened],
-    drawn: impl Fn(usize) -> bool,
-    points: u64,
     budget: &Budget,
-) -> Vec<Place> {
-    let mut places: Vec<Place> = Vec::new();
-    let (mut before, mut next) = (0, 0);
-    for (index, Opened { file, .. }) in files.iter().enumerate().filter(|(index, _)| drawn(*index)) {
-        while next < budget.places {
-            let wanted =
-                (u128::from(points) * u128::from(2 * next + 1) / u128::from(2 * budget.places)) as u64;
-            let Some(record) = wanted.checked_sub(before).filter(|&record| record < file.points()) else {
-                break;
-            };
-            let at = file.chunks.partition_point(|chunk| chunk.first_record <= record) - 1;
-            let place = match &file.copc {
-                Some(copc) => window_at(index, file, copc, at, budget),
-                None => run_at(index, &file.chunks, at, budget.place_points),
-            };
-            // Large chunks, or windows that grew, may come up twice.
-            if !places.iter().any(|known| known.file == place.file && known.chunks == place.chunks) {
-                places.push(place);
-            }
-            next += 1;
-        }
-        before += file.points();
-    }
-    places
-}
-
-/// Neighbouring chunks from `at` on, until there are enough points to have an inside.
-fn run_at(file: usize, chunks: &[Chunk], at: usize, wanted: u64) -> Place {
-    let (mut run, mut points) = (Vec::new(), 0);
-    for (index, chunk) in chunks.iter().enumerate().skip(at) {
-        let records = chunk.records.min(wanted - points);
-        run.push((index, records));
-        points += records;
-        if points >= wanted / 2 {
-            break;
-        }
-    }
-    Place { file, chunks: run, window: None }
-}
-
-/// All nodes over one small window: a node holds one level of its region, so the node `at` is followed
-/// down to a leaf, and the window is widened to the leaf's ancestors until it holds enough points.
-fn window_at(file: usize, lidar: &LidarFile, copc: &Copc, at: usize, budget: &Budget) -> Place {
-    let records: HashMap<VoxelKey, usize> =
-        copc.nodes.iter().enumerate().map(|(index, &key)| (key, index)).collect();
-    let count = |key: &VoxelKey| records.get(key).map_or(0, |&index| lidar.chunks[index].records);
-    let mut key = copc.nodes[at];
-    loop {
-        let child = |corner: i32| VoxelKey {
-            level: key.level + 1,
-            x: key.x * 2 + (corner & 1),
-            y: key.y * 2 + (corner >> 1 & 1),
-            z: key.z * 2 + (corner >> 2),
+    problems: &mut Vec<(usize, SourceError)>,
+) -> Vec<Vec<Seen>> {
+    let most = (budget.first_points / files.len().max(1)).max(1);
+    let firsts = parallel(files.len(), |decoder, index| {
+        let file = &files[index].file;
+        let mut seen = Vec::new();
+        let read = match file.chunks.is_empty() {
+            true => Ok(()),
+            false => decoder.first_points(file, most).map(|block| append(block, &mut seen)),
         };
-        if key.level >= 29 {
-            break;
-        }
-        match (0..8)
-            .map(child)
-            .filter(|child| records.contains_key(child))
-            .max_by_key(|child| (count(child), -child.z))
-        {
-            Some(child) => key = child,
-            None => break,
-        }
-    }
-    let mut best = None;
-    loop {
-        // The whole column over the node's square, whatever its height.
-        let over = |node: &VoxelKey| {
-            let shift = i32::from(node.level) - i32::from(key.level);
-            if shift >= 0 {
-                (node.x >> shift, node.y >> shift) == (key.x, key.y)
-            } else {
-                (node.x, node.y) == (key.x >> -shift, key.y >> -shift)
-            }
-        };
-        let chunks: Vec<(usize, u64)> = copc
-            .nodes
-            .iter()
-            .enumerate()
-            .filter(|(_, node)| over(node))
-            .map(|(index, _)| (index, lidar.chunks[index].records))
-            .collect();
-        // Of a coarser node one part in four a level lies in the window.
-        let cost: u64 = chunks.iter().map(|(_, records)| records).sum();
-        let inside: u64 = chunks
-            .iter()
-            .map(|&(index, records)| {
-                records >> (2 * key.level.saturating_sub(copc.nodes[index].level)).min(63)
-            })
-            .sum();
-        if best.is_some() && cost > budget.window_points {
-            break;
-        }
-        let [min, max] = copc.bounds(key);
-        best = Some(Place { file, chunks, window: Some([min.x, min.y, max.x, max.y]) });
-        if inside >= budget.place_points / 2 || key.level == 0 {
-            break;
-        }
-        key = VoxelKey { level: key.level - 1, x: key.x >> 1, y: key.y >> 1, z: key.z >> 1 };
-    }
-    best.expect("the first window is always taken")
-}
-
-/// The patches that the cell size is chosen from: different E, N of shown points at each place. A place
-/// of a set that is not read whole is one pass over its ground; how many there are follows from the ground
-/// that all points would cover at the places' density, and the ground that there is. Where there are
-/// several, their points may be thinned against each other, so chunks of the other passes are read too.
-fn ground_patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> Vec<Patch> {
-    let mut patches: Vec<Patch> = Vec::new();
-    let mut known = HashSet::new();
-    for (at, seen) in places.iter().zip(seen) {
-        if !ground.whole || patches.is_empty() {
-            known.clear();
-            patches.push(Patch { points: Vec::new(), passes: 1.0 });
-        }
-        let patch = patches.last_mut().expect("pushed above");
-        for seen in seen.iter().filter(|seen| (ground.shown)(seen)) {
-            let raw = unpack(&ground.files[at.file].file, seen.raw);
-            let inside = at.window.is_none_or(|[west, south, east, north]| {
-                (west..east).contains(&raw.x) && (south..north).contains(&raw.y)
-            });
-            let point = (ground.place)(at.file, seen);
-            if inside && point.is_finite() && known.insert([point.x.to_bits(), point.y.to_bits()]) {
-                patch.points.push([point.x, point.y]);
-            }
-        }
-    }
-    let is_run = |index: &usize| places[*index].window.is_none() && !patches[*index].points.is_empty();
-    let runs: Vec<usize> = if ground.whole { Vec::new() } else { (0..places.len()).filter(is_run).collect() };
-    let spacing = (1.0 / cell::choose(&patches, 0.0).density).sqrt();
-    if runs.is_empty() || !spacing.is_finite() {
-        return patches;
-    }
-    let looked_at: usize = runs.iter().map(|&run| seen[run].len()).sum();
-    let areas: Vec<f64> =
-        runs.iter().map(|&run| cell::footprint_area(&patches[run].points, spacing)).collect();
-    let all_once = areas.iter().sum::<f64>() * ground.points as f64 / looked_at as f64;
-    // Neither can there be less than one, nor does anyone fly more than a few dozen.
-    let passes = (all_once / frame::covered_area(&ground.boxes)).clamp(1.0, 64.0);
-    if passes.is_nan() || passes < SEVERAL_PASSES {
-        return patches;
-    }
-    let density = runs.iter().map(|&run| patches[run].points.len() as f64).sum::<f64>()
-        / areas.iter().sum::<f64>()
-        * passes;
-    let windows = parallel(runs.len(), |decoder, index| {
-        let (at, patch) = (&places[runs[index]], &patches[runs[index]]);
-        let center = median(patch.points.iter().map(|p| DVec3::new(p[0], p[1], 0.0))).truncate();
-        let reach = areas[index].sqrt() / 2.0;
-        let inside = |p: &[f64; 2]| (DVec2::from_array(*p) - center).abs().max_element() <= reach / 2.0;
-        let mut points: Vec<[f64; 2]> = patch.points.iter().copied().filter(inside).collect();
-        let mut known: HashSet<[u64; 2]> = points.iter().map(|p| p.map(f64::to_bits)).collect();
-        for (file, chunk) in chunks_near(ground, center, reach, at) {
-            let lidar = &ground.files[file].file;
-            let mut seen = Vec::new();
-            // A broken chunk is reported when it is drawn; here it only tells less.
-            let _ =
-                decoder.decode(lidar, &lidar.chunks[chunk], 0..ground.budget.place_points, &mut |block| {
-                    append(block, &mut seen);
-                });
-            lidar.bytes.release();
-            for seen in seen.iter().filter(|seen| (ground.shown)(seen)) {
-                let point = (ground.place)(file, seen);
-                let point = [point.x, point.y];
-                if inside(&point) && known.insert(point.map(f64::to_bits)) {
-                    points.push(point);
-                }
-            }
-        }
-        // Where the middle of a pass is a void, the pass itself has to do.
-        if points.len() < patch.points.len() / 8 {
-            return Patch { points: patch.points.clone(), passes };
-        }
-        let here = points.len() as f64 / cell::footprint_area(&points, spacing);
-        Patch { points, passes: (density / here).clamp(1.0, passes) }
+        file.bytes.release();
+        (seen, read.err())
     });
-    for (run, window) in runs.into_iter().zip(windows) {
-        patches[run] = window;
-    }
-    patches
+    let unpacked = firsts.into_iter().enumerate().map(|(index, (seen, error))| {
+        problems.extend(error.map(|error| (index, error)));
+        seen
+    });
+    unpacked.collect()
 }
 
-/// Passes from which on those of one place are looked for.
-const SEVERAL_PASSES: f64 = 1.2;
-/// Most chunks read around a place.
-const NEIGHBOURS: usize = 6;
+fn facts<'a>(files: &'a [Opened], firsts: &[Vec<Seen>]) -> Vec<FileFacts<'a>> {
+    let facts = |(Opened { file, crs, .. }, seen): (&'a Opened, &Vec<Seen>)| FileFacts {
+        crs: crs.as_ref(),
+        points: file.points(),
+        centre: median(seen.iter().map(|seen| unpack(file, seen.raw))),
+    };
+    files.iter().zip(firsts).map(facts).collect()
+}
 
-/// Chunks (file, index) that seem to lie within `reach` of `center`: points are mostly stored in the order
-/// of flight, so a chunk lies along the way from its first point to the next chunk's.
-fn chunks_near(ground: &Ground, center: DVec2, reach: f64, not: &Place) -> Vec<(usize, usize)> {
-    let mut near = Vec::new();
-    for (file, firsts) in ground.first_points.iter().enumerate() {
-        // Of large files not every chunk's first point is known.
-        let known = firsts.len() == ground.files[file].file.chunks.len();
-        if !known || ground.boxes_of[file].is_none_or(|b| distance_to_box(center, b) > 2.0 * reach) {
-            continue;
+/// The points of each place.
+fn read_places(
+    files: &[Opened],
+    places: &[Place],
+    problems: &mut Vec<(usize, SourceError)>,
+) -> Vec<Vec<Seen>> {
+    let read = parallel(places.len(), |decoder, index| {
+        let place = &places[index];
+        let file = &files[place.file].file;
+        let (mut seen, mut errors) = (Vec::new(), Vec::new());
+        for &(chunk, records) in &place.chunks {
+            let sink = &mut |block: &PointBlock| append(block, &mut seen);
+            errors.extend(decoder.decode(file, &file.chunks[chunk], 0..records, sink).err());
         }
-        let at = |index: usize| (ground.place)(file, &firsts[index]).truncate();
-        for chunk in 0..firsts.len() {
-            if file == not.file && not.chunks.iter().any(|(own, _)| *own == chunk) {
-                continue;
-            }
-            let (from, to) = (at(chunk), at((chunk + 1).min(firsts.len() - 1)));
-            let way = to - from;
-            let along =
-                ((center - from).dot(way) / way.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            let distance = center.distance(from + way * along);
-            if distance <= 2.0 * reach {
-                near.push((distance, file, chunk));
-            }
-        }
-    }
-    near.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    near.truncate(NEIGHBOURS);
-    near.into_iter().map(|(_, file, chunk)| (file, chunk)).collect()
+        file.bytes.release();
+        (seen, errors)
+    });
+    let unpacked = places.iter().zip(read).map(|(place, (seen, errors))| {
+        problems.extend(errors.into_iter().map(|error| (place.file, error)));
+        seen
+    });
+    unpacked.collect()
 }
 
-fn distance_to_box(point: DVec2, bounds: Bounds) -> f64 {
-    point.distance(point.clamp(bounds.min.truncate(), bounds.max.truncate()))
-}
-
-/// What [`ground_patches`] must know.
-struct Ground<'a> {
-    files: &'a [Opened],
-    budget: &'a Budget,
-    first_points: &'a [Vec<Seen>],
+/// RGB of sampled points a file; where those are few, of some more.
+fn rgb_of(
+    files: &[Opened],
+    drawn: &[usize],
+    firsts: &[Vec<Seen>],
+    places: &[Place],
+    seen: &[Vec<Seen>],
     whole: bool,
-    shown: &'a (dyn Fn(&Seen) -> bool + Sync),
-    /// World coordinates of a point of a file.
-    place: &'a (dyn Fn(usize, &Seen) -> DVec3 + Sync),
-    /// Of every file that is drawn.
-    boxes_of: Vec<Option<Bounds>>,
-    /// Of the files that are read in runs of chunks, not in windows.
-    boxes: Vec<Bounds>,
-    /// Points in them.
-    points: u64,
+) -> Vec<Vec<[u16; 3]>> {
+    let mut rgb: Vec<Vec<[u16; 3]>> =
+        firsts.iter().map(|seen| seen.iter().map(|seen| seen.rgb).collect()).collect();
+    for (place, seen) in places.iter().zip(seen) {
+        rgb[place.file].extend(seen.iter().map(|seen| seen.rgb));
+    }
+    let thin = |index: &usize| !whole && rgb::has_rgb(&files[*index].file) && rgb[*index].len() < RGB_POINTS;
+    let thin: Vec<usize> = drawn.iter().copied().filter(thin).take(RGB_FILES).collect();
+    let more = parallel(thin.len(), |decoder, index| {
+        let file = &files[thin[index]].file;
+        let mut more = Vec::new();
+        // A broken chunk is reported when it is drawn; here it only tells less.
+        if let Some(chunk) = file.chunks.get(file.chunks.len() / 2) {
+            let sink = &mut |block: &PointBlock| more.extend_from_slice(&block.rgb);
+            let _ = decoder.decode(file, chunk, 0..RGB_POINTS as u64, sink);
+        }
+        file.bytes.release();
+        more
+    });
+    thin.into_iter().zip(more).for_each(|(index, more)| rgb[index].extend(more));
+    rgb
+}
+
+/// A point that is shown by default, and how many it stands for.
+struct Shown<'a> {
+    seen: &'a Seen,
+    weight: f64,
+    u: f64,
+    rgb: [u8; 3],
+}
+
+fn summarise(shown: &[Shown]) -> AttributeSummary {
+    let (mut classes, mut returns) = (vec![0.0; 256], vec![0.0; 256]);
+    for point in shown {
+        classes[usize::from(point.seen.class)] += point.weight;
+        returns[usize::from(point.seen.returns)] += point.weight;
+    }
+    let total = |keep: &dyn Fn(&Shown) -> bool| {
+        shown.iter().filter(|point| keep(point)).map(|point| point.weight).sum::<f64>().round() as u64
+    };
+    let first = shown.first().map_or([0; 3], |point| point.rgb);
+    AttributeSummary {
+        points: total(&|_| true),
+        height: spread(shown.iter().map(|point| (point.u, point.weight))),
+        intensity: spread(shown.iter().map(|point| (f64::from(point.seen.intensity), point.weight))),
+        classes: counts(&classes),
+        returns: counts(&returns),
+        colored: total(&|point| point.rgb != [0; 3]),
+        rgb_constant: shown.iter().all(|point| point.rgb == first).then_some(first),
+    }
+}
+
+/// Whole points; what was seen at all is never 0.
+fn counts(weights: &[f64]) -> Box<[u64; 256]> {
+    let count = |&weight: &f64| if weight > 0.0 { (weight.round() as u64).max(1) } else { 0 };
+    let counts: Vec<u64> = weights.iter().map(count).collect();
+    counts.into_boxed_slice().try_into().expect("one a class")
+}
+
+/// Spread of (value, weight). Strays lie more than ten spans of percentiles 1-99 away; without a span
+/// nothing tells a stray from a roof, and all values count.
+fn spread(values: impl Iterator<Item = (f64, f64)>) -> Spread {
+    let mut values: Vec<(f64, f64)> = values.filter(|(value, _)| value.is_finite()).collect();
+    let mut at = |share| quantile(&mut values, share);
+    let (Some(p1), Some(p2), Some(p98), Some(p99)) = (at(0.01), at(0.02), at(0.98), at(0.99)) else {
+        return Spread::default();
+    };
+    let reach = if p99 > p1 { 10.0 * (p99 - p1) } else { f64::INFINITY };
+    let near =
+        values.iter().map(|(value, _)| *value).filter(|value| (p1 - reach..=p99 + reach).contains(value));
+    let (min, max) = near.fold((p1, p99), |(min, max), value| (value.min(min), value.max(max)));
+    Spread { min, max, p2, p98 }
 }
 
 /// Header bounds in the world, where they are bounds.
@@ -680,72 +394,6 @@ fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
         Placement::Turned { .. } => None,
         _ => Bounds::new(placement.place(min.x, min.y, min.z), placement.place(max.x, max.y, max.z)),
     }
-}
-
-fn has_rgb(file: &LidarFile) -> bool {
-    matches!(file.header.format, 2 | 3 | 5 | 7 | 8 | 10)
-}
-
-/// 8 or 16 bit, a file at a time. A file of which little was seen, and nothing beyond 255, follows the
-/// other files of its format.
-fn decide_rgb(files: &[Opened], seen: &[Vec<[u16; 3]>]) -> Vec<Rgb> {
-    let alone = |index: usize| {
-        let (file, seen) = (&files[index].file, &seen[index]);
-        if !has_rgb(file) {
-            return Rgb::Absent;
-        }
-        let bright = seen.iter().filter(|rgb| rgb.iter().any(|&value| value > 255)).count();
-        let same = seen.windows(2).all(|two| two[0] == two[1]);
-        if seen.iter().all(|rgb| *rgb == [0; 3]) || same && seen.len() >= 16 {
-            Rgb::Constant
-        } else if bright * 200 > seen.len() {
-            Rgb::Sixteen
-        } else {
-            Rgb::Eight
-        }
-    };
-    let alone: Vec<Rgb> = (0..files.len()).map(alone).collect();
-    let decide = |index: usize| {
-        let (format, own) = (files[index].file.header.format, alone[index]);
-        let sure = matches!(own, Rgb::Absent | Rgb::Sixteen) || seen[index].len() >= RGB_POINTS;
-        if sure {
-            return own;
-        }
-        let others = (0..files.len()).filter(|&other| files[other].file.header.format == format);
-        let mut votes = [0u64; 3];
-        for other in others.filter(|&other| seen[other].len() >= RGB_POINTS || alone[other] == Rgb::Sixteen) {
-            match alone[other] {
-                Rgb::Eight => votes[0] += 1,
-                Rgb::Sixteen => votes[1] += 1,
-                _ => votes[2] += 1,
-            }
-        }
-        match votes {
-            [0, 0, 0] => own,
-            [eight, sixteen, none] if sixteen > eight && sixteen >= none => Rgb::Sixteen,
-            [eight, _, none] if eight >= none => Rgb::Eight,
-            _ => own,
-        }
-    };
-    (0..files.len()).map(decide).collect()
-}
-
-fn constant<'a>(mut seen: impl Iterator<Item = &'a Seen>) -> Constant {
-    let Some(first) = seen.next() else { return Constant::default() };
-    let (mut constant, mut count) = (Constant { class: true, intensity: true, returns: true }, 1);
-    for seen in seen {
-        constant.class &= seen.class == first.class;
-        constant.intensity &= seen.intensity == first.intensity;
-        constant.returns &= seen.returns == first.returns;
-        count += 1;
-    }
-    if count > 1 { constant } else { Constant::default() }
-}
-
-fn percentiles(mut values: Vec<(f64, f64)>) -> Percentiles {
-    values.retain(|(value, _)| value.is_finite());
-    let mut at = |share| quantile(&mut values, share).unwrap_or(0.0);
-    Percentiles { p0_5: at(0.005), p2: at(0.02), p50: at(0.5), p98: at(0.98), p99_5: at(0.995) }
 }
 
 /// The value below which `share` of the weight lies; sorts `values` (value, weight).
