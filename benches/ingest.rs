@@ -4,10 +4,11 @@
 //! Each figure is the median of five runs taken in turn, so that a machine that slows down slows all of them.
 
 use lasray::coords::Grid;
+use lasray::sample::RgbDepth;
 use lasray::source::placement::Placement;
 use lasray::source::{Decoder, LidarFile};
 use lasray::stream::bins::{Bins, Budget};
-use lasray::stream::workers::{Input, Progress, RgbDepth, read_all};
+use lasray::stream::workers::{Input, Progress, read_all};
 use std::hint::black_box;
 use std::path::Path;
 use lasray::synth::{Format, Tile, Town, write_tile};

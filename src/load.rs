@@ -1,15 +1,15 @@
 //! From inputs to sections: open, choose once for all files, read and bin. What every command starts with.
 
 use crate::attribute::AttributeSummary;
-use crate::attribute::{ColorMode, Spread};
+use crate::attribute::ColorMode;
 use crate::coords::{CELL_LIMIT, Grid, SectionKey};
 use crate::render::camera::Bounds;
-use crate::sample::{self, AutoColor, Rgb, Sample};
+use crate::sample::{self, RgbDepth};
 use crate::section::Columns;
 use crate::source::placement::{Placement, PlacementOptions};
 use crate::source::{crs::Crs, crs::Unit, inputs};
 use crate::stream::bins::{Binner, Bins, Budget, Meaning};
-use crate::stream::workers::{Input, Progress, RgbDepth, read_all};
+use crate::stream::workers::{Input, Progress, read_all};
 use crate::synth;
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -185,7 +185,12 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     let mut inputs = Vec::new();
     for (index, opened) in opened.into_iter().enumerate() {
         if let Some(placement) = sample.world.placements[index] {
-            let rgb = depth(sample.files[index].rgb, options.rgb_bits);
+            let rgb = match (sample.files[index].rgb, options.rgb_bits) {
+                (RgbDepth::None, _) => RgbDepth::None,
+                (_, Some(8)) => RgbDepth::Eight,
+                (_, Some(_)) => RgbDepth::Sixteen,
+                (chosen, None) => chosen,
+            };
             inputs.push(Input { file: opened.file, placement, rgb });
         }
     }
@@ -195,12 +200,8 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     let errors = watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &progress));
     problems.errors.extend(errors.iter().map(ToString::to_string));
     let points = progress.points.into_inner();
-    let summary = summary(&sample, &bounds);
-    let color = match sample.color {
-        AutoColor::Rgb => ColorMode::Rgb,
-        AutoColor::Class => ColorMode::Class,
-        AutoColor::Height => ColorMode::Height,
-    };
+    let summary = sample.attributes;
+    let color = ColorMode::auto(&summary);
     let placement = inputs.first().map_or(Placement::AsIs, |i| i.placement);
     let (crs, unit) = (sample.world.crs, sample.world.unit);
     let about = About { bounds, summary, color, crs, unit, placement, points, cell };
@@ -339,40 +340,4 @@ fn watched<T: Send>(total: u64, quiet: bool, progress: &Progress, work: impl FnO
     bar.finish_and_clear();
     // A panic of ours goes on its way; a decoder's was contained long before.
     result.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-}
-
-fn depth(rgb: Rgb, bits: Option<u8>) -> RgbDepth {
-    match (rgb, bits) {
-        (Rgb::Absent | Rgb::Constant, _) => RgbDepth::None,
-        (_, Some(8)) => RgbDepth::Eight,
-        (_, Some(_)) => RgbDepth::Sixteen,
-        (Rgb::Eight, None) => RgbDepth::Eight,
-        (Rgb::Sixteen, None) => RgbDepth::Sixteen,
-    }
-}
-
-/// The sample as the colour tables take it.
-fn summary(sample: &Sample, bounds: &Bounds) -> AttributeSummary {
-    let spread = |p: &sample::Percentiles| Spread { min: p.p0_5, max: p.p99_5, p2: p.p2, p98: p.p98 };
-    let intensity = if sample.constant.intensity {
-        let only = sample.intensity.p50;
-        Spread { min: only, max: only, p2: only, p98: only }
-    } else {
-        spread(&sample.intensity)
-    };
-    let mut returns = Box::new([0; 256]);
-    // Single returns, and firsts of two where they differ.
-    returns[0x11] = 1;
-    returns[0x21] = u64::from(!sample.constant.returns);
-    let classes = Box::new(sample.classes.map(|n| n.round() as u64));
-    let colored = sample.files.iter().any(|f| f.rgb.is_color());
-    AttributeSummary {
-        points: classes.iter().sum(),
-        height: Spread { min: bounds.min.z, max: bounds.max.z, ..spread(&sample.height) },
-        intensity,
-        classes,
-        returns,
-        colored: u64::from(colored),
-        rgb_constant: (!colored).then_some([0; 3]),
-    }
 }
