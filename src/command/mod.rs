@@ -1,3 +1,4 @@
 //! The commands: one file each, arguments and `run`.
 
+pub mod info;
 pub mod synth;
