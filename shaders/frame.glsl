@@ -30,6 +30,7 @@ struct Frame {
     float cell_steps;  // lattice steps in one cell side, exaggeration included: slopes
     vec3 sun;          // towards the sun
     uint background;   // 0 none, 1 white, 2 sky
+    float floor;       // lit pictures end here, lattice steps from the anchor
 };
 
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).

@@ -101,6 +101,11 @@ void main() {
     uvec4 hit = HIT[at];
     Ray ray = ray_at(pixel * 16u + uvec2(push.sample_at));
 
+    // Columns are solid without end: below the floor a lit picture shows what is behind.
+    float z = fma(uintBitsToFloat(hit.x), ray.step.z, float(ray.cell.z) + ray.fraction.z);
+    if (hit.z >> 16u == FACE_TOP) z = float(int(hit.w));
+    if (z < FRAME.floor) hit.y = NO_NODE;
+
     vec4 color = vec4(0.0);
     uint bits = 256u; // class 256: a miss
     if (hit.y == NO_NODE) {
@@ -148,8 +153,6 @@ void main() {
 
         if (FRAME.shade == 1u) {
             float cell_steps = FRAME.cell_steps * float(1 << detail);
-            float t = uintBitsToFloat(hit.x);
-            float z = face == FACE_TOP ? top : fma(t, ray.step.z, float(ray.cell.z) + ray.fraction.z);
             vec2 outward = vec2(0.0);
             vec3 normal;
             vec2 slope = slope_at(here, column, top, cell_steps);

@@ -4,9 +4,11 @@
 //! `stream` (pool, transfer) → `render` (traversal, image). Imports run downward only.
 
 pub mod attribute;
+pub mod cli;
 pub mod command;
 pub mod coords;
 pub mod gpu;
+pub mod load;
 pub mod render;
 pub mod sample;
 pub mod section;

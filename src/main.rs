@@ -1,1 +1,33 @@
-fn main() {}
+//! `lasray`: parse, run, exit code.
+
+use clap::Parser;
+use lasray::cli::{Cli, Command};
+use lasray::command::{self, Outcome, UsageError};
+use std::process::ExitCode;
+use tracing_subscriber::EnvFilter;
+
+/// Nothing could be drawn, or an input failed and `--strict` was given.
+const FAILED: u8 = 1;
+/// Wrong arguments.
+const USAGE: u8 = 2;
+
+fn main() -> ExitCode {
+    // Parsing ends the process with code 2 where the words are wrong.
+    let cli = Cli::parse();
+    let filter = EnvFilter::try_from_env("LASRAY_LOG").unwrap_or_else(|_| EnvFilter::new("error"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+    let result = match cli.command {
+        Command::Render(args) => command::render::run(*args),
+        Command::Synth(args) => command::synth::run(args).map(|()| Outcome::Done),
+    };
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Incomplete) => ExitCode::from(FAILED),
+        Err(error) => {
+            // Messages hold their causes already.
+            eprintln!("lasray: {error}");
+            let usage = error.is::<UsageError>() || error.is::<command::synth::PlanError>();
+            ExitCode::from(if usage { USAGE } else { FAILED })
+        }
+    }
+}

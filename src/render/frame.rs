@@ -16,7 +16,7 @@ use glam::DVec3;
 pub enum Traversal {
     /// Table, pyramid, column.
     Fast,
-    /// Seed of the field: the plain algorithm of the thesis, §3.2.3.
+    /// The plain algorithm of the thesis, §3.2.3.
     Plain,
 }
 
@@ -53,6 +53,8 @@ pub struct View<'a> {
     pub z_scale: f64,
     /// Height that stays where it is, CRS units.
     pub pivot: f64,
+    /// Lit pictures end at this height, CRS units: columns are solid without end, which nobody wants to see.
+    pub floor: f64,
     /// Colour of hits.
     pub colors: &'a ColorTable,
     /// Light.
@@ -117,6 +119,7 @@ struct FrameConstants {
     cell_steps: f32,
     sun: [f32; 3],
     background: u32,
+    floor: f32,
 }
 
 /// Mirrors the push constants of `shaders/frame.glsl`.
@@ -436,6 +439,10 @@ impl Renderer {
                 Background::White => 1,
                 Background::Sky => 2,
             },
+            floor: match view.shade {
+                Shade::None => f32::NEG_INFINITY,
+                Shade::Lit => (view.floor * HEIGHT_STEPS_PER_UNIT - f64::from(self.anchor.0)) as f32,
+            },
         }
     }
 
@@ -448,7 +455,7 @@ impl Renderer {
         hits: &[Hit],
         colors: Vec<[f32; 4]>,
     ) -> Image {
-        let [width, height] = view.size;
+        let [width, _] = view.size;
         let mut image = Image::new(view.size);
         for (at, (hit, color)) in hits.iter().zip(colors).enumerate() {
             image.color[at] = color;

@@ -1,22 +1,12 @@
 //! Workers: chunks of all files to bins, in parallel over chunks and over files.
 
 use super::bins::{Binner, Bins, Meaning};
+use crate::sample::RgbDepth;
 use crate::source::placement::Placement;
 use crate::source::{Chunk, Decoder, LidarFile, PointBlock, SourceError};
 use glam::DVec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
-
-/// What a file's RGB fields hold: decided once a file, never per point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RgbDepth {
-    /// No colour: fields absent, or zero throughout.
-    None,
-    /// 8 bits in 16-bit fields.
-    Eight,
-    /// 16 bits, as the standard says.
-    Sixteen,
-}
 
 /// A file that is to be read, and what its numbers mean.
 pub struct Input {
@@ -41,11 +31,7 @@ impl Meaning for Input {
 
     #[inline]
     fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3] {
-        match (self.rgb, block.rgb.get(i)) {
-            (RgbDepth::Eight, Some(rgb)) => rgb.map(|v| v.min(255) as u8),
-            (RgbDepth::Sixteen, Some(rgb)) => rgb.map(|v| (v >> 8) as u8),
-            _ => [0; 3],
-        }
+        block.rgb.get(i).map_or([0; 3], |&rgb| self.rgb.to_8_bit(rgb))
     }
 }
 

@@ -148,13 +148,13 @@ impl Terrain {
         ((y - RIVER_NORTH) / RIVER_SPACING).round()
     }
 
-    /// Distance from the middle of the river, positive to the north (see [`Site::river`]).
-    pub fn river_distance(&self, x: f64, y: f64) -> f64 {
+    /// Distance from the middle of the river, positive to the north: as [`Site::river`] says, and plainly along y.
+    fn river_distance(&self, x: f64, y: f64) -> [f64; 2] {
         let row = Terrain::river_row(y);
         let middle = self.river_middle(row, x);
         let slope = (self.river_middle(row, x + 2.0) - middle) / 2.0;
         let width = 1.0 + 0.16 * self.meander.get([x / 75.0, row * 3.1 + 9.2]);
-        (y - middle) / ((1.0 + slope * slope).sqrt() * width)
+        [(y - middle) / ((1.0 + slope * slope).sqrt() * width), y - middle]
     }
 
     /// The village with lattice index (i, j), if one stands there; (0, 0) is the town itself.
@@ -187,7 +187,7 @@ impl Terrain {
         let [u, v] = self.bend(x, y);
         let [ue, ve] = self.bend(x + 1.0, y);
         let [un, vn] = self.bend(x, y + 1.0);
-        let river = self.river_distance(x, y);
+        let [river, north_of_river] = self.river_distance(x, y);
 
         let mut town = -1.0_f64;
         let mut knoll = 0.0_f64;
@@ -202,7 +202,8 @@ impl Terrain {
             }
         }
 
-        let beyond = (river.abs() - 20.0).max(0.0);
+        // The plain distance: far away the scaled one would fold the land along every bend of the river.
+        let beyond = (north_of_river.abs() - 20.0).max(0.0);
         let octaves = |scale: f64, x0: f64| self.hills.get([x / scale + x0, y / scale + 0.43]);
         let rolling =
             0.5 + 0.55 * octaves(560.0, 0.13) + 0.24 * octaves(250.0, 0.71) + 0.09 * octaves(95.0, 0.37);

@@ -155,12 +155,10 @@ fn temporary_beside(path: &Path) -> std::io::Result<NamedTempFile> {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".lasray-").suffix(".part");
-    // Readable by whom the umask allows, as a file that a program writes is; the default is the owner alone.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
+    // Opened here, not by the crate: readable by whom the umask allows, and errors are the system's own words.
+    tempfile::Builder::new().prefix(".lasray-").suffix(".part").make_in(folder, |path| {
+        std::fs::OpenOptions::new().read(true).write(true).create_new(true).open(path)
+    })
 }
 
 fn header(format: Format, compress: bool) -> las::Result<las::Header> {

@@ -1,0 +1,520 @@
+//! `lasray render`: pictures without a window.
+
+use super::{Outcome, UsageError};
+use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
+use crate::coords::Height;
+use crate::gpu::{Gpu, GpuOptions, Order};
+use crate::load::{self, LoadOptions, Loaded, Problems};
+use crate::render::camera::{Bounds, Camera, DEFAULT_FOV, DEFAULT_ORBIT, Projection};
+use crate::render::frame::{Background, Renderer, Shade, Traversal, View};
+use crate::render::image::{Format, Image, WorldFile, write_prj_beside};
+use crate::section::{Columns, Packed};
+use crate::source::crs::Unit;
+use crate::source::inputs;
+use crate::source::placement::PlacementOptions;
+use crate::stream::bins::Budget;
+use crate::stream::pool::Access;
+use crate::stream::scene::{Scene, Visibility};
+use anyhow::Context;
+use glam::DVec3;
+use std::ffi::OsString;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Arguments of `lasray render`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// Files, folders, @lists and patterns
+    #[arg(required_unless_present = "demo", value_name = "INPUT")]
+    inputs: Vec<OsString>,
+    /// Picture to write: .png or .exr; with --each, {stem} stands for the input's name
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Draw the embedded synthetic town
+    #[arg(long, conflicts_with = "inputs")]
+    demo: bool,
+    /// One picture a file
+    #[arg(long, conflicts_with = "demo")]
+    each: bool,
+    /// Fail (exit code 1) when any input is missing or damaged
+    #[arg(long)]
+    strict: bool,
+
+    /// Width and height in pixels [default: 1280x720; with --ortho what the data needs]
+    #[arg(long, value_parser = size, help_heading = "Picture", value_name = "WxH")]
+    size: Option<[u32; 2]>,
+    /// Rays a pixel in a PNG [default: 4, with --shade none 1]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Picture")]
+    samples: Option<u32>,
+    /// What is behind the data [default: sky, with --ortho white]
+    #[arg(long, value_enum, help_heading = "Picture")]
+    background: Option<Background>,
+    /// Light: `none` gives exact colours, pixel by pixel
+    #[arg(long, value_enum, default_value = "lit", help_heading = "Picture")]
+    shade: Shade,
+    /// What the points stand for
+    #[arg(long, value_enum, default_value = "columns", help_heading = "Picture")]
+    surface: Surface,
+    /// Show holes of up to four cells, which are bridged otherwise
+    #[arg(long, help_heading = "Picture")]
+    no_bridge: bool,
+
+    /// Where the camera is: E,N,U
+    #[arg(long, value_parser = vector, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    eye: Option<DVec3>,
+    /// What it looks at: E,N,U
+    #[arg(long, value_parser = vector, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    target: Option<DVec3>,
+    /// Direction of view in degrees: azimuth clockwise from north, elevation (positive looks down), and a
+    /// distance if not all of the data is to be framed [default: 0,35]
+    #[arg(long, value_parser = orbit, allow_hyphen_values = true, help_heading = "Camera", value_name = "AZ,EL[,DIST]")]
+    orbit: Option<Orbit>,
+    /// Vertical field of view, degrees
+    #[arg(long, default_value_t = DEFAULT_FOV, value_parser = fov, help_heading = "Camera")]
+    fov: f64,
+    /// Parallel rays, at this many units a pixel; from above unless --orbit says otherwise, then with
+    /// world file
+    #[arg(long, value_parser = positive, conflicts_with = "fov", help_heading = "Camera", value_name = "UNITS")]
+    ortho: Option<f64>,
+    /// Vertical exaggeration
+    #[arg(long, default_value_t = 1.0, value_parser = positive, help_heading = "Camera")]
+    z_scale: f64,
+
+    /// What colours show: auto takes RGB, else classes, else heights
+    #[arg(long, default_value = "auto", value_parser = color, help_heading = "Colour")]
+    color: Color,
+    /// Colour ramp of heights and intensities
+    #[arg(long, value_enum, help_heading = "Colour")]
+    ramp: Option<Ramp>,
+    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98]
+    #[arg(long, value_parser = range, allow_hyphen_values = true, help_heading = "Colour", value_name = "LO,HI")]
+    range: Option<(f64, f64)>,
+    /// Bits of the RGB fields, where the choice from the data is wrong
+    #[arg(long, value_parser = ["8", "16"], help_heading = "Colour")]
+    rgb_bits: Option<String>,
+
+    /// Show only these classes: 2,6 or 3-5
+    #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
+    classes: Option<ClassList>,
+    /// Hide these classes (7 and 18, noise, are hidden unless asked for)
+    #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
+    hide: Option<ClassList>,
+    /// Show withheld points
+    #[arg(long, help_heading = "Layers")]
+    withheld: bool,
+
+    /// Side of a cell in CRS units, or auto
+    #[arg(long, default_value = "auto", value_parser = cell, help_heading = "Data")]
+    cell: Cell,
+    /// Draw files of different coordinate systems by their raw coordinates
+    #[arg(long, help_heading = "Data")]
+    mix_crs: bool,
+    /// Unit of heights, where the files are wrong: m, ft or us-ft
+    #[arg(long, help_heading = "Data", value_name = "UNIT")]
+    z_unit: Option<Unit>,
+    /// Bytes of device memory for sections
+    #[arg(long, default_value = "1GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
+    device_memory: u64,
+    /// Bytes of host memory for sections while they are read
+    #[arg(long, default_value = "2GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
+    host_memory: u64,
+
+    /// Device to draw on, by its number in `lasray info --devices`
+    #[arg(long, help_heading = "Device")]
+    device: Option<usize>,
+    /// Turn on the Vulkan validation layers
+    #[arg(long, help_heading = "Device")]
+    validate: bool,
+    /// The plain traversal of the thesis, to compare
+    #[arg(long, help_heading = "Device")]
+    plain: bool,
+    /// No progress, no summary
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// What the points stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Surface {
+    /// Each cell is solid from its highest point down.
+    Columns,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Cell(Option<f64>);
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Color(Option<ColorMode>);
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Orbit {
+    angles: [f64; 2],
+    distance: Option<f64>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct ClassList(Vec<u8>);
+
+fn number(text: &str) -> Result<f64, String> {
+    let value: f64 = text.trim().parse().map_err(|_| format!("'{text}' is not a number"))?;
+    if value.is_finite() { Ok(value) } else { Err(format!("'{text}' is not finite")) }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    if value > 0.0 { Ok(value) } else { Err(format!("{value} is not above 0")) }
+}
+
+fn fov(text: &str) -> Result<f64, String> {
+    let value = positive(text)?;
+    if value < 180.0 { Ok(value) } else { Err(format!("{value} degrees is not below 180")) }
+}
+
+fn cell(text: &str) -> Result<Cell, String> {
+    if text == "auto" { Ok(Cell(None)) } else { positive(text).map(|c| Cell(Some(c))) }
+}
+
+fn color(text: &str) -> Result<Color, String> {
+    if text == "auto" {
+        Ok(Color(None))
+    } else {
+        clap::ValueEnum::from_str(text, true).map(|m| Color(Some(m)))
+    }
+}
+
+fn numbers(text: &str) -> Result<Vec<f64>, String> {
+    text.split(',').map(number).collect()
+}
+
+fn vector(text: &str) -> Result<DVec3, String> {
+    match numbers(text)?[..] {
+        [e, n, u] => Ok(DVec3::new(e, n, u)),
+        _ => Err(format!("'{text}' is not E,N,U")),
+    }
+}
+
+fn orbit(text: &str) -> Result<Orbit, String> {
+    match numbers(text)?[..] {
+        [azimuth, elevation] => Ok(Orbit { angles: [azimuth, elevation], distance: None }),
+        [azimuth, elevation, d] if d > 0.0 => Ok(Orbit { angles: [azimuth, elevation], distance: Some(d) }),
+        [_, _, d] => Err(format!("distance {d} is not above 0")),
+        _ => Err(format!("'{text}' is not AZIMUTH,ELEVATION or AZIMUTH,ELEVATION,DISTANCE")),
+    }
+}
+
+fn range(text: &str) -> Result<(f64, f64), String> {
+    match numbers(text)?[..] {
+        [lo, hi] if lo < hi => Ok((lo, hi)),
+        [lo, hi] => Err(format!("{lo} is not below {hi}")),
+        _ => Err(format!("'{text}' is not LO,HI")),
+    }
+}
+
+fn size(text: &str) -> Result<[u32; 2], String> {
+    let side = |s: &str| s.trim().parse::<u32>().ok();
+    let parsed = text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
+    match parsed {
+        Some([w, h]) if w > 0 && h > 0 => Ok([w, h]),
+        Some(_) => Err("a picture has at least one pixel each way".to_owned()),
+        None => Err(format!("'{text}' is not WIDTHxHEIGHT such as 1280x720")),
+    }
+}
+
+fn classes(text: &str) -> Result<ClassList, String> {
+    let class = |s: &str| {
+        let value: u32 = s.trim().parse().map_err(|_| format!("'{s}' is not a class"))?;
+        u8::try_from(value).map_err(|_| format!("class {value} is out of range: classes are 0 to 255"))
+    };
+    let mut list = Vec::new();
+    for part in text.split(',') {
+        match part.split_once('-') {
+            Some((lo, hi)) => list.extend(class(lo)?..=class(hi)?),
+            None => list.push(class(part)?),
+        }
+    }
+    Ok(ClassList(list))
+}
+
+fn bytes(text: &str) -> Result<u64, String> {
+    let wrong = || format!("'{text}' is not a number of bytes such as 512MiB or 2GiB");
+    let split = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+    let (digits, unit) = text.split_at(split);
+    let shift = match unit.to_ascii_lowercase().as_str() {
+        "" | "b" => 0,
+        "k" | "kib" | "kb" => 10,
+        "m" | "mib" | "mb" => 20,
+        "g" | "gib" | "gb" => 30,
+        "t" | "tib" | "tb" => 40,
+        _ => return Err(wrong()),
+    };
+    let value = digits.trim().parse::<f64>().map_err(|_| wrong())? * f64::from(shift).exp2();
+    if (1.0..9e18).contains(&value) { Ok(value as u64) } else { Err(wrong()) }
+}
+
+/// Draws.
+pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    let mut problems = Problems::default();
+    check_output(&args.output, args.each)?;
+    let options = LoadOptions {
+        cell: args.cell.0,
+        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() },
+        rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
+        budget: Budget { host_bytes: args.host_memory, device_bytes: args.device_memory },
+        quiet: args.quiet,
+    };
+    let gpu = Gpu::new(&GpuOptions { device: args.device, validate: args.validate, ..Default::default() })?;
+
+    let mut drawn = 0;
+    if args.each {
+        let found = inputs::expand(&args.inputs);
+        problems.errors.extend(found.failed.iter().map(ToString::to_string));
+        let mut taken = std::collections::HashSet::new();
+        for path in &found.files {
+            let output = each_output(&args.output, path);
+            if !taken.insert(output.clone()) {
+                let why = format!("{}: another input's picture is {} too", path.display(), output.display());
+                problems.errors.push(why);
+                continue;
+            }
+            let one = load::paths(std::slice::from_ref(path), &options, &mut problems);
+            match one.map_err(anyhow::Error::from).and_then(|l| picture(&gpu, l, &args, &output)) {
+                Ok(()) => drawn += 1,
+                Err(error) if error.is::<UsageError>() => return Err(error),
+                Err(error) => problems.errors.push(format!("{}: {error}", path.display())),
+            }
+            report(&mut problems);
+        }
+        report(&mut problems);
+        anyhow::ensure!(drawn > 0, "nothing could be drawn");
+    } else {
+        let loaded = if args.demo {
+            load::demo(&options, &mut problems)
+        } else {
+            load::files(&args.inputs, &options, &mut problems)
+        };
+        report(&mut problems);
+        let loaded = loaded.map_err(|e| match e {
+            load::LoadError::TooFine { .. } => anyhow::Error::new(UsageError(e.to_string())),
+            e => e.into(),
+        })?;
+        picture(&gpu, loaded, &args, &args.output)?;
+    }
+    anyhow::ensure!(gpu.messages().is_empty() || !args.validate, "the validation layers reported errors");
+    Ok(if args.strict && problems.failed { Outcome::Incomplete } else { Outcome::Done })
+}
+
+/// Prints what has come up so far.
+fn report(problems: &mut Problems) {
+    problems.failed |= !problems.errors.is_empty();
+    let mut err = std::io::stderr().lock();
+    // A closed stderr is nothing to stop for.
+    for line in problems.warnings.drain(..) {
+        let _ = writeln!(err, "warning: {line}");
+    }
+    for line in problems.errors.drain(..) {
+        let _ = writeln!(err, "error: {line}");
+    }
+}
+
+/// `{stem}` in `pattern` by the input's name without its extensions.
+fn each_output(pattern: &Path, input: &Path) -> PathBuf {
+    let name = input.file_name().unwrap_or_default().to_string_lossy();
+    let lower = name.to_lowercase();
+    let cut = [".copc.laz", ".laz", ".las"].iter().find(|e| lower.ends_with(**e)).map_or(0, |e| e.len());
+    PathBuf::from(pattern.to_string_lossy().replace("{stem}", &name[..name.len() - cut]))
+}
+
+/// Finds out before the work whether its result can be written.
+fn check_output(output: &Path, each: bool) -> anyhow::Result<()> {
+    Format::of(output).map_err(|e| UsageError(e.to_string()))?;
+    if each && !output.to_string_lossy().contains("{stem}") {
+        return Err(UsageError("--each needs {stem} in the output's name: -o '{stem}.png'".to_owned()).into());
+    }
+    let folder = match output.parent() {
+        Some(p) if !p.as_os_str().is_empty() && !p.to_string_lossy().contains("{stem}") => p,
+        Some(p) if p.to_string_lossy().contains("{stem}") => return Ok(()),
+        _ => Path::new("."),
+    };
+    anyhow::ensure!(!output.is_dir(), "{}: cannot be written: it is a folder", output.display());
+    tempfile::tempfile_in(folder)
+        .map(drop)
+        .map_err(|e| anyhow::anyhow!("{}: cannot be written: {}: {e}", output.display(), folder.display()))
+}
+
+fn visibility(args: &Args) -> Visibility {
+    let mut classes = match &args.classes {
+        Some(list) => ClassMask::only(&list.0),
+        None => ClassMask::default(),
+    };
+    if let Some(list) = &args.hide {
+        classes = classes.without(&list.0);
+    }
+    let bridge = if args.no_bridge || args.shade == Shade::None { 0 } else { 4 };
+    Visibility { classes, withheld: args.withheld, bridge }
+}
+
+/// Packs on one thread while another copies; what is packed is freed.
+pub fn upload(scene: &mut Scene, sections: Vec<(crate::coords::SectionKey, Columns)>) -> anyhow::Result<()> {
+    let (send, receive) = crossbeam_channel::bounded::<(crate::coords::SectionKey, Packed)>(4);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let work = std::sync::Mutex::new(sections.into_iter());
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            let (send, work) = (send.clone(), &work);
+            scope.spawn(move || {
+                loop {
+                    let next = work.lock().unwrap_or_else(|e| e.into_inner()).next();
+                    let Some((key, columns)) = next else { return };
+                    // The receiver hangs up when the device fails: then there is nothing left to do.
+                    if send.send((key, columns.pack())).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(send);
+        for (key, packed) in receive {
+            anyhow::ensure!(
+                scene.upload(key, &packed)?,
+                "the sections do not fit the device memory: give more with --device-memory, or a larger --cell"
+            );
+        }
+        Ok(())
+    })?;
+    scene.settle()?;
+    Ok(())
+}
+
+fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Result<()> {
+    let Loaded { grid, sections, bounds, summary, color, crs, unit, placement, points } = loaded;
+    let count = sections.len();
+    // Rounding heights up in 32-bit codes, and pages that do not fill up, take a little more than was counted.
+    let pool_bytes = args.device_memory + args.device_memory / 8 + (64 << 20);
+    let mut scene =
+        Scene::new(gpu, |order: Order| order, Access::Address, pool_bytes, visibility(args), grid.cell())?;
+    upload(&mut scene, sections)?;
+    anyhow::ensure!(!scene.entries().is_empty(), "nothing to draw: every point is of a hidden class");
+
+    let mode = args.color.0.unwrap_or(color);
+    let colors =
+        ColorTable::new(mode, &summary, args.ramp, args.range).map_err(|e| UsageError(e.to_string()))?;
+    if let Some(constant) = &colors.constant
+        && !args.quiet
+    {
+        eprintln!("note: {constant}, drawn grey");
+    }
+
+    let pivot = bounds.min.z;
+    let shown = bounds.exaggerated(args.z_scale, pivot);
+    let place = |v: DVec3| placement.place(v.x, v.y, v.z);
+    let (camera, size) = camera(args, &shown, place)?;
+    let exr = Format::of(output)? == Format::Exr;
+    let exact = exr || args.shade == Shade::None;
+    let view = View {
+        camera: &camera,
+        size,
+        samples: if exr { 1 } else { args.samples.unwrap_or(if exact { 1 } else { 4 }) },
+        z_scale: args.z_scale,
+        pivot,
+        floor: bounds.min.z - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * grid.cell(),
+        colors: &colors,
+        shade: args.shade,
+        background: args.background.unwrap_or(match args.ortho {
+            Some(_) => Background::White,
+            None => Background::Sky,
+        }),
+        traversal: if args.plain { Traversal::Plain } else { Traversal::Fast },
+    };
+    let anchor = Height::from_units(bounds.center().z).context("heights are beyond what can be drawn")?;
+    let mut renderer = Renderer::new(&scene, grid, anchor)?;
+    let image = renderer.draw(&mut scene, &view)?;
+    write(&image, &view, output)?;
+    if let Some(world) = args.ortho.and_then(|_| WorldFile::of(&camera.basis(size).ok()?)) {
+        world.write_beside(output)?;
+        if let Some(wkt) = crs.as_ref().and_then(crate::source::crs::Crs::prj) {
+            write_prj_beside(output, &wkt)?;
+        }
+    }
+    if !args.quiet {
+        let unit = unit.as_ref().map_or("units", |u| u.symbol());
+        let by = mode.name();
+        eprintln!(
+            "{}: {}x{} pixels, {points} points in {count} sections of {} {unit} cells, coloured by {by}",
+            output.display(),
+            size[0],
+            size[1],
+            grid.cell()
+        );
+    }
+    Ok(())
+}
+
+fn write(image: &Image, view: &View, output: &Path) -> anyhow::Result<()> {
+    let [e, t] =
+        [view.camera.eye(), view.camera.target()].map(|v| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z));
+    let notes = [
+        ("Software", concat!("lasray ", env!("CARGO_PKG_VERSION"))),
+        ("Eye", e.as_str()),
+        ("Target", t.as_str()),
+    ];
+    image.write(output, view.background == Background::None, &notes)?;
+    Ok(())
+}
+
+/// Camera and picture size that the arguments ask for, over `bounds` as they are shown.
+fn camera(
+    args: &Args,
+    bounds: &Bounds,
+    place: impl Fn(DVec3) -> DVec3,
+) -> anyhow::Result<(Camera, [u32; 2])> {
+    let usage = |e: crate::render::camera::CameraError| UsageError(e.to_string());
+    let projection = match args.ortho {
+        Some(units_per_pixel) => Projection::Orthographic { units_per_pixel },
+        None => Projection::Perspective { fov: args.fov },
+    };
+    let orbit = args.orbit.unwrap_or(Orbit {
+        angles: if args.ortho.is_some() { [0.0, 90.0] } else { DEFAULT_ORBIT },
+        distance: None,
+    });
+    let size = match (args.size, args.ortho) {
+        (Some(size), _) => size,
+        (None, Some(units)) => ortho_size(bounds, orbit.angles, units)?,
+        (None, None) => [1280, 720],
+    };
+    let camera = match (args.eye, args.target) {
+        (Some(eye), Some(target)) => Camera::look_at(place(eye), place(target), projection),
+        (_, target) => match orbit.distance {
+            Some(distance) => {
+                let target = target.map_or(bounds.center(), place);
+                Camera::orbit(target, orbit.angles, distance, projection)
+            }
+            None => match target {
+                Some(target) => {
+                    let framed = Camera::frame(bounds, orbit.angles, projection, size).map_err(usage)?;
+                    let distance = (framed.eye() - bounds.center()).length();
+                    Camera::orbit(place(target), orbit.angles, distance, projection)
+                }
+                None => Camera::frame(bounds, orbit.angles, projection, size),
+            },
+        },
+    };
+    Ok((camera.map_err(usage)?, size))
+}
+
+/// Pixels that show all of `bounds` at `units` a pixel.
+fn ortho_size(bounds: &Bounds, angles: [f64; 2], units: f64) -> anyhow::Result<[u32; 2]> {
+    let looking =
+        Camera::orbit(bounds.center(), angles, 1.0, Projection::Orthographic { units_per_pixel: units })
+            .map_err(|e| UsageError(e.to_string()))?;
+    let half = (bounds.max - bounds.min) * 0.5;
+    // Extent of a box along an axis.
+    let along = |axis: DVec3| 2.0 * half.dot(axis.abs());
+    let pixels = [along(looking.right()), along(looking.up())].map(|extent| (extent / units).ceil().max(1.0));
+    if pixels.iter().any(|&p| p > 65_536.0) {
+        let [w, h] = pixels;
+        let why =
+            format!("at {units} units a pixel the data takes {w}x{h} pixels: give --size, or more units");
+        return Err(UsageError(why).into());
+    }
+    Ok(pixels.map(|p| p as u32))
+}

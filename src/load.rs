@@ -1,0 +1,343 @@
+//! From inputs to sections: open, choose once for all files, read and bin. What every command starts with.
+
+use crate::attribute::AttributeSummary;
+use crate::attribute::ColorMode;
+use crate::coords::{CELL_LIMIT, Grid, SectionKey};
+use crate::render::camera::Bounds;
+use crate::sample::{self, RgbDepth};
+use crate::section::Columns;
+use crate::source::placement::{Placement, PlacementOptions};
+use crate::source::{crs::Crs, crs::Unit, inputs};
+use crate::stream::bins::{Binner, Bins, Budget, Meaning};
+use crate::stream::workers::{Input, Progress, read_all};
+use crate::synth;
+use glam::DVec3;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::ffi::OsString;
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+/// What the user decides about reading.
+#[derive(Clone, Debug)]
+pub struct LoadOptions {
+    /// Side of a finest cell, CRS units; `None`: chosen from the data.
+    pub cell: Option<f64>,
+    /// Coordinate systems and units.
+    pub placement: PlacementOptions,
+    /// 8 or 16: what RGB fields hold, whatever the sample says.
+    pub rgb_bits: Option<u8>,
+    /// Memory.
+    pub budget: Budget,
+    /// No progress.
+    pub quiet: bool,
+}
+
+/// Why nothing can be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// No input is left.
+    #[error("nothing to draw: {0}")]
+    Nothing(&'static str),
+    /// More cells than the grid can count.
+    #[error(
+        "cell size {cell} is too small: {extent:.0} units across would be {cells:.0} cells, {most} are possible"
+    )]
+    TooFine {
+        /// Asked for.
+        cell: f64,
+        /// Of the data, CRS units.
+        extent: f64,
+        /// Across it.
+        cells: f64,
+        /// The grid's limit.
+        most: i64,
+    },
+    /// Even the coarsest cells do not fit.
+    #[error(
+        "the sections do not fit {host} bytes of host and {device} bytes of device memory at any cell size"
+    )]
+    Budget {
+        /// Host budget, bytes.
+        host: u64,
+        /// Device budget, bytes.
+        device: u64,
+    },
+}
+
+/// Everything about the data but the pixels.
+pub struct Loaded {
+    /// The grid that the sections lie on.
+    pub grid: Grid,
+    /// In key order.
+    pub sections: Vec<(SectionKey, Columns)>,
+    /// Without stray points: what is framed.
+    pub bounds: Bounds,
+    /// What colours are chosen by.
+    pub summary: AttributeSummary,
+    /// What `--color auto` comes to.
+    pub color: ColorMode,
+    /// The data's coordinate system.
+    pub crs: Option<Crs>,
+    /// Unit of E, N and U.
+    pub unit: Option<Unit>,
+    /// File coordinates to world coordinates, of the first file.
+    pub placement: Placement,
+    /// Points binned.
+    pub points: u64,
+}
+
+/// What was wrong on the way, in order.
+#[derive(Default)]
+pub struct Problems {
+    /// One line each; an input, or a part of it, is missing.
+    pub errors: Vec<String>,
+    /// One line each; nothing is missing that could be read.
+    pub warnings: Vec<String>,
+    /// There were errors.
+    pub failed: bool,
+}
+
+/// The bytes of a picture's grid must be counted in i32 with room to spare.
+fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
+    let extent = (bounds.max - bounds.min).truncate().max_element();
+    // Far enough from the limit that strays near the data have cells too.
+    let most = CELL_LIMIT / 4;
+    let reach = bounds.max.truncate().abs().max(bounds.min.truncate().abs()).max_element();
+    if extent / cell > most as f64 || reach / cell > 9e15 {
+        return Err(LoadError::TooFine {
+            cell,
+            extent: extent.max(reach),
+            cells: extent.max(reach) / cell,
+            most,
+        });
+    }
+    // A multiple that stays one of a section's side through every coarsening.
+    const ANCHOR: f64 = (1 << 24) as f64;
+    let middle = bounds.center();
+    let anchor = [middle.x, middle.y].map(|v| ((v / cell) / ANCHOR).floor() as i64 * ANCHOR as i64);
+    Ok(Grid { base_cell: cell, coarsen: 0, anchor })
+}
+
+/// Cells that the data lies in: the bounds, and as much again on every side.
+fn core(cell: f64, bounds: &Bounds) -> [std::ops::Range<i64>; 2] {
+    let size = (bounds.max - bounds.min).truncate().max_element().max(1000.0 * cell);
+    [(bounds.min.x, bounds.max.x), (bounds.min.y, bounds.max.y)]
+        .map(|(lo, hi)| ((lo - size) / cell).floor() as i64..((hi + size) / cell).ceil() as i64)
+}
+
+fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+fn bar(total: u64, quiet: bool) -> ProgressBar {
+    let bar = ProgressBar::new(total);
+    if quiet || !std::io::stderr().is_terminal() {
+        bar.set_draw_target(ProgressDrawTarget::hidden());
+    }
+    let template = "reading {wide_bar} {human_pos}/{human_len} points {eta}";
+    bar.set_style(ProgressStyle::with_template(template).expect("a constant template"));
+    bar
+}
+
+/// Opens and reads the files that `inputs` name. Problems are added even when this fails.
+pub fn files(
+    inputs: &[OsString],
+    options: &LoadOptions,
+    problems: &mut Problems,
+) -> Result<Loaded, LoadError> {
+    let found = inputs::expand(inputs);
+    problems.errors.extend(found.failed.iter().map(ToString::to_string));
+    paths(&found.files, options, problems)
+}
+
+/// Opens and reads `paths`.
+pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
+    let mut opened = Vec::new();
+    for result in sample::open_all(paths) {
+        match result {
+            Ok(file) => opened.push(file),
+            Err(error) => problems.errors.push(error.to_string()),
+        }
+    }
+    for file in &opened {
+        let path = file.file.path().display();
+        problems.warnings.extend(file.file.warnings.iter().map(|w| format!("{path}: {w}")));
+        problems.warnings.extend(file.crs_errors.iter().map(|e| format!("{path}: {e}")));
+    }
+    if opened.is_empty() {
+        return Err(LoadError::Nothing("no input could be read"));
+    }
+    let sample = sample::take(&opened, &options.placement, &sample::Budget::default());
+    for note in &sample.world.notes {
+        problems.warnings.push(match note.file() {
+            Some(file) => format!("{}: {note}", opened[file].file.path().display()),
+            None => note.to_string(),
+        });
+    }
+    let Some(bounds) = sample.bounds else {
+        return Err(LoadError::Nothing("the inputs hold no points"));
+    };
+    let bounds = Bounds { min: bounds.min, max: bounds.max };
+    let cell = options.cell.unwrap_or(sample.cell.cell);
+
+    let mut inputs = Vec::new();
+    for (index, opened) in opened.into_iter().enumerate() {
+        if let Some(placement) = sample.world.placements[index] {
+            let rgb = match (sample.files[index].rgb, options.rgb_bits) {
+                (RgbDepth::None, _) => RgbDepth::None,
+                (_, Some(8)) => RgbDepth::Eight,
+                (_, Some(_)) => RgbDepth::Sixteen,
+                (chosen, None) => chosen,
+            };
+            inputs.push(Input { file: opened.file, placement, rgb });
+        }
+    }
+    let bins = Bins::new(grid(cell, &bounds)?, core(cell, &bounds), options.budget);
+    let total = inputs.iter().map(|i| i.file.points()).sum();
+    let progress = Progress::default();
+    let errors = watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &progress));
+    problems.errors.extend(errors.iter().map(ToString::to_string));
+    let points = progress.points.into_inner();
+    let summary = sample.attributes;
+    let color = ColorMode::auto(&summary);
+    let placement = inputs.first().map_or(Placement::AsIs, |i| i.placement);
+    let (crs, unit) = (sample.world.crs, sample.world.unit);
+    let about = About { bounds, summary, color, crs, unit, placement, points, cell };
+    finish(bins, about, options, problems)
+}
+
+/// The embedded scene: the synthetic town, made in memory.
+pub fn demo(options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
+    struct Scan;
+    impl Meaning for Scan {
+        fn world(&self, block: &crate::source::PointBlock, i: usize) -> DVec3 {
+            let [x, y, z] = [block.x[i], block.y[i], block.z[i]].map(|v| f64::from(v) * synth::SCALE);
+            DVec3::new(x + synth::ORIGIN[0], y + synth::ORIGIN[1], z)
+        }
+        fn rgb(&self, block: &crate::source::PointBlock, i: usize) -> [u8; 3] {
+            block.rgb[i].map(|v| (v >> 8) as u8)
+        }
+    }
+    let (town, tiles) = synth::demo();
+    let side = |axis: usize| {
+        let low = tiles.iter().map(|t| t.corner[axis]).fold(f64::INFINITY, f64::min);
+        let high = tiles.iter().map(|t| t.corner[axis] + t.size[axis]).fold(f64::NEG_INFINITY, f64::max);
+        (low + synth::ORIGIN[axis], high + synth::ORIGIN[axis])
+    };
+    let ((west, east), (south, north)) = (side(0), side(1));
+    let flat = Bounds { min: DVec3::new(west, south, 0.0), max: DVec3::new(east, north, 0.0) };
+    let cell = options.cell.unwrap_or(0.5);
+    let bins = Bins::new(grid(cell, &flat)?, core(cell, &flat), options.budget);
+    let progress = Progress::default();
+    let sampled = std::sync::Mutex::new(crate::attribute::AttributeSample::default());
+    watched(synth::DEMO_POINTS, options.quiet, &progress, || {
+        let next = std::sync::atomic::AtomicUsize::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..threads() {
+                scope.spawn(|| {
+                    let mut binner = Binner::default();
+                    while let Some(tile) = tiles.get(next.fetch_add(1, Ordering::Relaxed)) {
+                        let Ok(()) = synth::scan(&town, tile, |scan| {
+                            binner.bin(&bins, &Scan, &scan.points);
+                            progress.points.fetch_add(scan.len() as u64, Ordering::Relaxed);
+                            let mut sampled = sampled.lock().unwrap_or_else(|e| e.into_inner());
+                            for i in (0..scan.len()).step_by(32) {
+                                let p = &scan.points;
+                                let height = crate::coords::Height::from_units(Scan.world(p, i).z);
+                                if let Some(height) = height
+                                    && !sample::hidden_by_default(p.class[i], p.flags[i])
+                                {
+                                    sampled.push(crate::attribute::Attributes {
+                                        height,
+                                        class: p.class[i],
+                                        intensity: p.intensity[i],
+                                        rgb: Scan.rgb(p, i),
+                                        returns: p.returns[i],
+                                        flags: p.flags[i],
+                                    });
+                                }
+                            }
+                            Ok::<(), std::convert::Infallible>(())
+                        });
+                    }
+                });
+            }
+        });
+    });
+    let summary = sampled.into_inner().unwrap_or_else(|e| e.into_inner()).summary();
+    let bounds =
+        Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
+    let points = progress.points.into_inner();
+    let unit = Some(Unit::metre());
+    let about = About {
+        bounds,
+        summary,
+        color: ColorMode::Rgb,
+        crs: None,
+        unit,
+        placement: Placement::AsIs,
+        points,
+        cell,
+    };
+    finish(bins, about, options, problems)
+}
+
+/// What is known beside the sections.
+struct About {
+    bounds: Bounds,
+    summary: AttributeSummary,
+    color: ColorMode,
+    crs: Option<Crs>,
+    unit: Option<Unit>,
+    placement: Placement,
+    points: u64,
+    cell: f64,
+}
+
+fn finish(
+    bins: Bins,
+    about: About,
+    options: &LoadOptions,
+    problems: &mut Problems,
+) -> Result<Loaded, LoadError> {
+    let Budget { host_bytes: host, device_bytes: device } = options.budget;
+    let binned = bins.finish().ok_or(LoadError::Budget { host, device })?;
+    if binned.outside > 0 {
+        problems.warnings.push(format!(
+            "{} points are not drawn: scattered far outside of the rest, or beyond what a height or cell can be",
+            binned.outside
+        ));
+    }
+    if binned.grid.coarsen > 0 {
+        problems.warnings.push(format!(
+            "cell size {} instead of {}: at {} the sections would not fit the memory budget (--device-memory, --host-memory)",
+            binned.grid.cell(),
+            about.cell,
+            about.cell
+        ));
+    }
+    if binned.sections.is_empty() {
+        return Err(LoadError::Nothing("no point could be read"));
+    }
+    let About { bounds, summary, color, crs, unit, placement, points, .. } = about;
+    let (grid, sections) = (binned.grid, binned.sections);
+    Ok(Loaded { grid, sections, bounds, summary, color, crs, unit, placement, points })
+}
+
+/// Runs `work` while a progress bar follows `progress`.
+fn watched<T: Send>(total: u64, quiet: bool, progress: &Progress, work: impl FnOnce() -> T + Send) -> T {
+    let bar = bar(total, quiet);
+    let result = std::thread::scope(|scope| {
+        let worker = scope.spawn(work);
+        while !worker.is_finished() {
+            bar.set_position(progress.points.load(Ordering::Relaxed));
+            std::thread::sleep(Duration::from_millis(if bar.is_hidden() { 2 } else { 40 }));
+        }
+        worker.join()
+    });
+    bar.finish_and_clear();
+    // A panic of ours goes on its way; a decoder's was contained long before.
+    result.unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
