@@ -90,7 +90,7 @@ vec3 sky(vec3 direction) {
     // A bright haze at the horizon, soft blue above, quiet grey below.
     float up = direction.z;
     vec3 above = mix(vec3(0.80, 0.87, 0.94), vec3(0.30, 0.49, 0.76), smoothstep(0.0, 0.7, up));
-    vec3 below = mix(vec3(0.74, 0.79, 0.84), vec3(0.50, 0.54, 0.58), smoothstep(0.0, 0.6, -up));
+    vec3 below = mix(vec3(0.80, 0.85, 0.90), vec3(0.60, 0.65, 0.70), smoothstep(0.0, 0.8, -up));
     return up >= 0.0 ? above : below;
 }
 
@@ -170,7 +170,10 @@ void main() {
             vec3 sunlight = vec3(1.0, 0.96, 0.88) * 1.05 * lit * mix(0.55, 1.0, sky_seen);
             vec3 skylight = vec3(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky_seen * sky_seen;
             float bounce = 0.10 * (1.0 - 0.6 * normal.z);
-            color.rgb = albedo * (sunlight + skylight * 0.62 + bounce);
+            vec3 light = sunlight + skylight * 0.62 + bounce;
+            // Photographs hold light already.
+            if (FRAME.color_source == 0u) light = mix(vec3(1.2), light, 0.8);
+            color.rgb = albedo * light;
         }
     }
 

@@ -424,7 +424,7 @@ fn median(points: impl Iterator<Item = DVec3>) -> DVec3 {
 }
 
 /// Runs `job` for 0..count on all cores, each thread with a decoder of its own; results in order.
-fn parallel<T: Send>(count: usize, job: impl Fn(&mut Decoder, usize) -> T + Sync) -> Vec<T> {
+pub(crate) fn parallel<T: Send>(count: usize, job: impl Fn(&mut Decoder, usize) -> T + Sync) -> Vec<T> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count);
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<Option<T>>> = Mutex::new((0..count).map(|_| None).collect());

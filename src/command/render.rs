@@ -410,13 +410,16 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
     let (camera, size) = camera(args, &shown, place)?;
     let exr = Format::of(output)? == Format::Exr;
     let exact = exr || args.shade == Shade::None;
+    // A slab under the data; low stray points do not make it deeper.
+    let low = bounds.min.z.max(summary.height.p2 - (summary.height.p98 - summary.height.p2));
+    let floor = low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * grid.cell();
     let view = View {
         camera: &camera,
         size,
         samples: if exr { 1 } else { args.samples.unwrap_or(if exact { 1 } else { 4 }) },
         z_scale: args.z_scale,
         pivot,
-        floor: bounds.min.z - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * grid.cell(),
+        floor,
         colors: &colors,
         shade: args.shade,
         background: args.background.unwrap_or(match args.ortho {

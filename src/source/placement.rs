@@ -101,10 +101,10 @@ pub enum PlacementNote {
         world: String,
     },
     /// No coordinate system, while others have one.
-    #[error("names no coordinate system: {world} is assumed, as in the other files")]
+    #[error("{files} files name no coordinate system: {world} is assumed, as in the others")]
     Assumed {
-        /// Which.
-        file: usize,
+        /// How many.
+        files: usize,
         /// The majority's.
         world: String,
     },
@@ -135,7 +135,7 @@ pub enum PlacementNote {
         radius_km: f64,
     },
     /// Heights in another unit than E and N.
-    #[error("heights are in {from}, shown in {to}, {files} files", from = from.name, to = to.name)]
+    #[error("heights of {files} files are in {from}, shown in {to}", from = from.name, to = to.name)]
     HeightUnit {
         /// In the files.
         from: Unit,
@@ -150,7 +150,7 @@ impl PlacementNote {
     /// The file that the note is about, if it is about one.
     pub fn file(&self) -> Option<usize> {
         match self {
-            PlacementNote::LeftOut { file, .. } | PlacementNote::Assumed { file, .. } => Some(*file),
+            PlacementNote::LeftOut { file, .. } => Some(*file),
             _ => None,
         }
     }
@@ -185,9 +185,12 @@ impl World {
             if !is_member(file) {
                 let (found, world_name) = (name(file.crs), name(majority));
                 world.notes.push(PlacementNote::LeftOut { file: index, found, world: world_name });
-            } else if file.crs.is_none() && majority.is_some() {
-                world.notes.push(PlacementNote::Assumed { file: index, world: name(majority) });
             }
+        }
+        let assumed = files.iter().filter(|file| file.crs.is_none() && majority.is_some() && is_member(file));
+        match assumed.count() {
+            0 => {}
+            files => world.notes.push(PlacementNote::Assumed { files, world: name(majority) }),
         }
         world.crs = majority.cloned();
         let kind = majority.map_or(CrsKind::Unknown, |crs| crs.kind);
@@ -449,7 +452,8 @@ mod tests {
         assert_eq!(drawn, [false, true, true, true, false]);
         assert_eq!(world.crs.unwrap().epsg, Some(32632));
         let about: Vec<_> = world.notes.iter().map(|note| note.file()).collect();
-        assert_eq!(about, [Some(0), Some(2), Some(4)]);
+        assert_eq!(about, [Some(0), Some(4), None]);
+        assert!(matches!(world.notes[2], PlacementNote::Assumed { files: 1, .. }));
         let mixed = World::of(&files, &PlacementOptions { mix_crs: true, ..Default::default() });
         assert!(mixed.placements.iter().all(|placement| placement.unwrap().is_identity()));
 
