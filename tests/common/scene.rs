@@ -112,6 +112,7 @@ impl Data {
             samples: 1,
             z_scale: 1.0,
             pivot: self.bounds.min.z,
+            bounds: self.bounds,
             floor: f64::NEG_INFINITY,
             colors: &self.colors,
             shade: Shade::None,

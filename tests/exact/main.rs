@@ -172,7 +172,7 @@ fn the_town_is_drawn_exactly() {
 
 #[test]
 fn debug() {
-    common::run("debug", common::SWIFTSHADER, |setup| {
+    common::run("debug", LAVAPIPE, |setup| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let path: PathBuf = scene::town(folder.path(), "town.las", [-80.0, -80.0], 160.0);
