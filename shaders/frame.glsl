@@ -38,7 +38,7 @@ struct Frame {
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).
 struct Node {
     ivec2 index;  // node index at its level
-    uint meta;    // level | USED | SECTION | wide << 10 | shift << 12 | detail level << 16
+    uint meta;    // level | USED | SECTION | wide << 10 | detail level << 16
     float top;    // highest thing below, lattice steps from the anchor, rounded up
     uvec2 place;  // of the section's payload
     int base;     // lattice height of code 0, from the anchor

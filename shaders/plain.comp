@@ -62,7 +62,7 @@ uvec4 trace(Ray ray) {
             uint meta = NODE[slot].meta;
             uint element = pyramid_offset(uint(level)) + node.y * (SECTION_SIDE >> level) + node.x;
             uint code = load_code(NODE[slot].place, NODE[slot].pyramid, element, (meta & NODE_WIDE) != 0u);
-            top = NODE[slot].base + int(code << (meta >> 12u & 0xFu));
+            top = NODE[slot].base + int(code);
             intersects = code != 0u && (ray.step.z >= 0.0 ? enter : leave) <= float(top);
             // Not where the ray only touches a corner on the way from the south-west to the north-east or back.
             intersects = intersects && (t_exit > t || mirror.x != mirror.y || face == FACE_INSIDE);

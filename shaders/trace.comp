@@ -77,7 +77,6 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
     uint meta = NODE[slot].meta;
     int top_level = int(meta & 0xFFu), finest = int(meta >> 16u & 0xFFu);
     bool wide = (meta & NODE_WIDE) != 0u;
-    uint shift = meta >> 12u & 0xFu;
     uvec2 place = NODE[slot].place;
     uint pyramid = NODE[slot].pyramid;
     int base = NODE[slot].base;
@@ -95,7 +94,7 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
         uint side = SECTION_SIDE >> l;
         uvec2 node = uvec2(walk.cell >> level) & (side - 1u);
         uint code = load_code(place, pyramid, pyramid_offset(l) + node.y * side + node.x, wide);
-        int top = base + int(code << shift);
+        int top = base + int(code);
 
         if (code != 0u && lowest <= float(top) && is_in(walk, t)) {
             if (level > finest) {
