@@ -4,14 +4,17 @@
 mod common;
 #[path = "../common/scene.rs"]
 mod scene;
+mod shifted;
 
 use common::LAVAPIPE;
 use glam::DVec3;
 use lasray::attribute::ClassMask;
 use lasray::coords::HEIGHT_STEPS_PER_UNIT;
-use lasray::render::camera::{Camera, Projection};
-use lasray::render::frame::Renderer;
-use lasray::render::reference::{ColumnMap, Tolerance, compare};
+use lasray::gpu::Gpu;
+use lasray::render::camera::{Camera, Projection, RayBasis};
+use lasray::render::frame::{Renderer, View};
+use lasray::render::image::{Image, MISS_CLASS};
+use lasray::render::reference::{ColumnMap, Hit, Tolerance, compare};
 use lasray::stream::pool::Access;
 use lasray::stream::scene::{Scene, Visibility};
 use scene::{Data, MEASURED, points, real_files};
@@ -27,10 +30,12 @@ struct Shot {
     camera: Camera,
     size: [u32; 2],
     z_scale: f64,
+    /// Share of the pixels that must agree on hit or miss and on class.
+    share: f64,
 }
 
 fn shot(name: &'static str, camera: Camera) -> Shot {
-    Shot { name, camera, size: SIZE, z_scale: 1.0 }
+    Shot { name, camera, size: SIZE, z_scale: 1.0, share: 0.999 }
 }
 
 const WIDE: Projection = Projection::Perspective { fov: 45.0 };
@@ -76,39 +81,107 @@ fn odd_shots(data: &Data) -> Vec<Shot> {
     let parallel = |units_per_pixel| Projection::Orthographic { units_per_pixel };
     let fit = 1.1 * size.truncate().length() / f64::from(SIZE[0]);
     vec![
-        Shot { size: ODD, ..shot("along an axis", Camera::orbit(middle, [90.0, 0.0], 0.6 * size.x, WIDE).unwrap()) },
+        Shot {
+            size: ODD,
+            ..shot("along an axis", Camera::orbit(middle, [90.0, 0.0], 0.6 * size.x, WIDE).unwrap())
+        },
         Shot { size: ODD, ..shot("along an axis, west of it", Camera::look_at(west, middle, WIDE).unwrap()) },
-        Shot { size: ODD, ..shot("down from a border", Camera::orbit(middle, [0.0, 90.0], size.x, WIDE).unwrap()) },
-        shot("from a corner, diagonal", Camera::look_at(middle - DVec3::new(100.0 * cell, 100.0 * cell, 0.0), middle, WIDE).unwrap()),
+        // Every ray of a whole-numbered slope runs through corners.
+        Shot {
+            size: ODD,
+            share: 0.995,
+            ..shot("down from a border", Camera::orbit(middle, [0.0, 90.0], size.x, WIDE).unwrap())
+        },
+        shot(
+            "from a corner, diagonal",
+            Camera::look_at(middle - DVec3::new(100.0 * cell, 100.0 * cell, 0.0), middle, WIDE).unwrap(),
+        ),
         shot("from below", Camera::look_at(below, center, WIDE).unwrap()),
-        shot("inside a column", Camera::look_at(middle.with_z(b.min.z - 3.0), center.with_z(b.max.z), WIDE).unwrap()),
+        shot(
+            "inside a column",
+            Camera::look_at(middle.with_z(b.min.z - 3.0), center.with_z(b.max.z), WIDE).unwrap(),
+        ),
         shot("up", Camera::orbit(middle, [0.0, -90.0], 0.3 * size.z, WIDE).unwrap()),
         shot("parallel, oblique", Camera::frame(&b, [140.0, 30.0], parallel(fit), SIZE).unwrap()),
-        shot("parallel, down, a cell a pixel", Camera::orbit(middle, [0.0, 90.0], size.x, parallel(cell)).unwrap()),
+        shot(
+            "parallel, down, a cell a pixel",
+            Camera::orbit(middle, [0.0, 90.0], size.x, parallel(cell)).unwrap(),
+        ),
         shot("parallel, level", Camera::orbit(middle, [0.0, 0.0], size.x, parallel(fit)).unwrap()),
-        Shot { z_scale: 3.0, ..shot("exaggerated", Camera::frame(&b.exaggerated(3.0, b.min.z), [300.0, 25.0], WIDE, SIZE).unwrap()) },
-        Shot { z_scale: 0.5, ..shot("flattened", Camera::frame(&b.exaggerated(0.5, b.min.z), [80.0, 15.0], WIDE, SIZE).unwrap()) },
+        Shot {
+            z_scale: 3.0,
+            ..shot(
+                "exaggerated",
+                Camera::frame(&b.exaggerated(3.0, b.min.z), [300.0, 25.0], WIDE, SIZE).unwrap(),
+            )
+        },
+        Shot {
+            z_scale: 0.5,
+            ..shot(
+                "flattened",
+                Camera::frame(&b.exaggerated(0.5, b.min.z), [80.0, 15.0], WIDE, SIZE).unwrap(),
+            )
+        },
     ]
 }
 
-fn check(data: &Data, map: &ColumnMap, scene: &mut Scene, renderer: &mut Renderer, what: &str, shots: &[Shot]) -> Vec<String> {
+/// Draws `shots` and compares them with brute force over `map`. Returns what is wrong.
+fn check(
+    data: &Data,
+    map: &ColumnMap,
+    scene: &mut Scene,
+    renderer: &mut Renderer,
+    what: &str,
+    shots: &[Shot],
+) -> Vec<String> {
     let mut wrong = Vec::new();
     for shot in shots {
-        let view = lasray::render::frame::View { z_scale: shot.z_scale, ..data.exact(&shot.camera, shot.size) };
+        let view = View { z_scale: shot.z_scale, ..data.exact(&shot.camera, shot.size) };
         let image = renderer.draw(scene, &view).unwrap();
         let basis = shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
         let reference = map.render(&basis, shot.size);
         let tolerance = Tolerance { cell_size: data.grid.cell(), height_step: 1.0 / HEIGHT_STEPS_PER_UNIT };
         let result = compare(&reference, &basis, shot.size[0], &image.distance, &image.class, tolerance);
-        println!("{what}, {}: {result}", shot.name);
-        if !result.agrees(0.999) {
-            wrong.push(format!("{what}, {}: {result}", shot.name));
+        let unclear = unclear(map, &basis, &reference, &image, tolerance);
+        println!("{what}, {}, {unclear} unclear: {result}", shot.name);
+        let differ = result.hit_or_miss_differs + result.class_differs + result.distance_differs;
+        // A ray may pass several corners, each on another side.
+        if result.agreement() < shot.share || (differ - unclear) as f64 > 0.001 * result.pixels as f64 {
+            wrong.push(format!("{what}, {}, {unclear} unclear: {result}", shot.name));
         }
+        let hits = result.hits as f64 / result.pixels as f64;
+        assert!(hits > 0.002, "{what}, {}: next to nothing is in the picture", shot.name);
     }
     wrong
 }
 
-fn check_file(gpu: &lasray::gpu::Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8]) -> Vec<String> {
+/// Pixels that differ, but not from what the reference finds a ten-thousandth of a pixel beside: rays that
+/// run through corners of cells or just touch an edge, finer than the numbers of either side can tell.
+fn unclear(
+    map: &ColumnMap,
+    basis: &RayBasis,
+    reference: &[Option<Hit>],
+    image: &Image,
+    tolerance: Tolerance,
+) -> usize {
+    let agrees = |want: &Option<Hit>, k: usize, x: f64, y: f64| match want {
+        None => image.class[k] == MISS_CLASS,
+        Some(hit) => {
+            let off = (f64::from(image.distance[k]) - hit.distance).abs();
+            image.class[k] == u32::from(hit.class) && off <= tolerance.at(hit, basis, x, y)
+        }
+    };
+    let beside = [(-1e-4, -1e-4), (1e-4, -1e-4), (-1e-4, 1e-4), (1e-4, 1e-4)];
+    (0..reference.len())
+        .filter(|&k| {
+            let (x, y) = ((k % image.width as usize) as f64, (k / image.width as usize) as f64);
+            let near = || beside.iter().any(|(dx, dy)| agrees(&map.trace(basis, x + dx, y + dy), k, x, y));
+            !agrees(&reference[k], k, x, y) && near()
+        })
+        .count()
+}
+
+fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8]) -> Vec<String> {
     let start = std::time::Instant::now();
     let data = Data::load(&[path.to_owned()], cell);
     let mut scene = data.scene(gpu, Access::Address, MEASURED());
@@ -116,7 +189,13 @@ fn check_file(gpu: &lasray::gpu::Gpu, path: &Path, cell: Option<f64>, odd: bool,
     let points = points(path, &data.placement);
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
     let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &ClassMask::default(), false);
-    println!("{name}: {} points, cell {}, {} columns, {:?}", points.len(), data.grid.cell(), map.len(), start.elapsed());
+    println!(
+        "{name}: {} points, cell {}, {} columns, {:?}",
+        points.len(),
+        data.grid.cell(),
+        map.len(),
+        start.elapsed()
+    );
     let mut shots = main_shots(&data, &map);
     if odd {
         shots.extend(odd_shots(&data));
@@ -126,7 +205,14 @@ fn check_file(gpu: &lasray::gpu::Gpu, path: &Path, cell: Option<f64>, odd: bool,
         let classes = ClassMask::only(mask);
         scene.show(Visibility { classes, ..MEASURED() }).unwrap();
         let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &classes, false);
-        wrong.extend(check(&data, &map, &mut scene, &mut renderer, &format!("{name}, classes {mask:?}"), &main_shots(&data, &map)));
+        wrong.extend(check(
+            &data,
+            &map,
+            &mut scene,
+            &mut renderer,
+            &format!("{name}, classes {mask:?}"),
+            &main_shots(&data, &map),
+        ));
     }
     println!("{name}: {:?}", start.elapsed());
     assert_eq!(gpu.messages(), [""; 0]);
@@ -167,37 +253,5 @@ fn the_town_is_drawn_exactly() {
         wrong.extend(check_file(&gpu, &path, Some(0.7), false, &[]));
         wrong.extend(check_file(&gpu, &path, Some(40.0), false, &[]));
         assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    });
-}
-
-#[test]
-fn debug() {
-    common::run("debug", LAVAPIPE, |setup| {
-        let gpu = setup.gpu();
-        let folder = tempfile::tempdir().unwrap();
-        let path: PathBuf = scene::town(folder.path(), "town.las", [-80.0, -80.0], 160.0);
-        let data = Data::load(&[path.to_owned()], Some(0.5));
-        let mut scene = data.scene(&gpu, Access::Address, MEASURED());
-        let mut renderer = data.renderer(&scene);
-        let points = points(&path, &data.placement);
-        let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &ClassMask::default(), false);
-        let mut shots = main_shots(&data, &map);
-        shots.extend(odd_shots(&data));
-        println!("bounds {:?}", data.bounds);
-        for e in scene.entries() { println!("{e:?}"); }
-        for shot in &shots {
-            for traversal in [lasray::render::frame::Traversal::Fast, lasray::render::frame::Traversal::Plain] {
-                let view = lasray::render::frame::View { z_scale: shot.z_scale, traversal, ..data.exact(&shot.camera, shot.size) };
-                let image = renderer.draw(&mut scene, &view).unwrap();
-                let basis = shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
-                let reference = map.render(&basis, shot.size);
-                let mut rows = vec![[0; 2]; shot.size[1] as usize];
-                for (k, (r, d)) in reference.iter().zip(&image.distance).enumerate() {
-                    let y = k / shot.size[0] as usize;
-                    if r.is_some() { rows[y][0] += 1; if !d.is_finite() { rows[y][1] += 1; } }
-                }
-                println!("{} {traversal:?} eye {:?}: {rows:?}", shot.name, shot.camera.eye());
-            }
-        }
     });
 }
