@@ -22,23 +22,24 @@ uvec4 trace(Ray ray) {
     ivec2 low = mix(FRAME.low, -FRAME.high, equal(mirror, ivec2(1)));
     ivec2 high = mix(FRAME.high, -FRAME.low, equal(mirror, ivec2(1)));
     uint face = FACE_INSIDE;
-    float t = 0.0;
+    float t = ray.start;
     float z0 = float(ray.cell.z) + ray.fraction.z;
 
-    // To the border of what there is.
-    vec2 ahead = max((vec2(low - cell) - fraction) * inverse, vec2(0.0));
-    int first = ahead.x >= ahead.y ? 0 : 1;
-    if (ahead[first] > FAR) return hit;
-    if (ahead[first] > 0.0) {
-        t = ahead[first];
-        int other = 1 - first;
-        float across = fma(t, direction[other], fraction[other]);
-        cell[first] = low[first];
-        fraction[first] = 0.0;
-        cell[other] = max(cell[other] + int(floor(across)), low[other]);
-        fraction[other] = across - floor(across);
-        face = (first == 0 ? FACE_WEST : FACE_SOUTH) + uint(mirror[first]);
+    // To the eye, or on to the border of what there is.
+    vec2 ahead = (vec2(low - cell) - fraction) * inverse;
+    for (int axis = 0; axis < 2; axis++) {
+        if (ahead[axis] <= t) continue;
+        t = ahead[axis];
+        face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(mirror[axis]);
     }
+    if (t > FAR) return hit;
+    vec2 at = fma(vec2(t), direction, fraction);
+    cell += ivec2(floor(at));
+    fraction = at - floor(at);
+    // Exactly on the border that was crossed, rounding or not.
+    bvec2 crossed = equal(ahead, vec2(t));
+    fraction = mix(fraction, vec2(0.0), crossed);
+    cell = max(mix(cell, low, crossed), low);
 
     const int top_level = int(SECTION_LOG2);
     int level = top_level;

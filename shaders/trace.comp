@@ -13,6 +13,9 @@
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
 
+// Inverse of a step that is none.
+const float STILL = 1e30;
+
 struct Walk {
     Ray ray;
     vec2 inverse; // 1 / ray.step.xy, or huge where the ray does not move
@@ -37,13 +40,23 @@ void exit_of(in Walk walk, int level, out float t, out int axis, out ivec2 borde
     t = max(ts[axis], walk.t);
 }
 
+// Cells that the ray is in at t, which rounding may put a border off: whether it has crossed a border is
+// decided by the border's t alone, so that large steps lead where small ones do.
+ivec2 cells_at(in Walk walk, float t, bvec2 after_border) {
+    ivec2 cell = walk.ray.cell.xy + ivec2(floor(fma(vec2(t), walk.ray.step.xy, walk.ray.fraction.xy)));
+    vec2 leave = t_at(walk, cell + walk.upward), enter = t_at(walk, cell + 1 - walk.upward);
+    ivec2 ahead = 2 * walk.upward - 1;
+    // Of two borders crossed at the same t, the one of axis 0 is crossed first.
+    bvec2 left = bvec2(after_border.x ? leave.x <= t : leave.x < t, after_border.y ? leave.y <= t : leave.y < t);
+    bvec2 ahead_of = bvec2(after_border.x ? enter.x > t : enter.x >= t, after_border.y ? enter.y > t : enter.y >= t);
+    return cell + mix(mix(ivec2(0), -ahead, ahead_of), ahead, left);
+}
+
 // Goes to where the ray leaves the node of `level` through `border` of `axis`.
 void advance(inout Walk walk, int level, float t, int axis, ivec2 border) {
-    int other = 1 - axis;
     ivec2 low = walk.cell >> level << level;
-    walk.cell[axis] = border[axis] - 1 + walk.upward[axis];
-    int across = walk.ray.cell[other] + int(floor(fma(t, walk.ray.step[other], walk.ray.fraction[other])));
-    walk.cell[other] = clamp(across, low[other], low[other] + (1 << level) - 1);
+    ivec2 across = clamp(cells_at(walk, t, bvec2(true, false)), low, low + (1 << level) - 1);
+    walk.cell = axis == 0 ? ivec2(border.x - 1 + walk.upward.x, across.y) : ivec2(across.x, border.y - 1 + walk.upward.y);
     walk.face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(1 - walk.upward[axis]);
     walk.t = t;
 }
@@ -103,34 +116,32 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
     }
 }
 
-// Moves the walk's start to where its ray enters what the table covers; false if it never does.
+// Moves the walk on to where its ray is in what the table covers; false if it never is.
 bool enter(inout Walk walk) {
     ivec2 low = FRAME.low, high = FRAME.high;
     bvec2 eastward = equal(walk.upward, ivec2(1));
-    bvec2 outside = bvec2(any(bvec2(walk.cell.x < low.x, walk.cell.x >= high.x)), any(bvec2(walk.cell.y < low.y, walk.cell.y >= high.y)));
-    vec2 t_near = t_at(walk, mix(high, low, eastward)), t_far = t_at(walk, mix(low, high, eastward));
-    if (any(bvec2(outside.x && (t_near.x < 0.0 || t_near.x > FAR), outside.y && (t_near.y < 0.0 || t_near.y > FAR)))) return false;
-    vec2 t_in = mix(vec2(0.0), t_near, outside);
-    float t = max(t_in.x, t_in.y);
-    if (t >= min(t_far.x, t_far.y)) return false;
-    if (t > 0.0) {
-        ivec2 across = walk.ray.cell.xy + ivec2(floor(fma(vec2(t), walk.ray.step.xy, walk.ray.fraction.xy)));
-        ivec2 border = mix(high - 1, low, eastward);
-        bool through_x = t_in.x >= t_in.y;
-        walk.cell = clamp(mix(across, border, bvec2(through_x, !through_x)), low, high - 1);
-        walk.face = (through_x ? FACE_WEST : FACE_SOUTH) + uint(1 - (through_x ? walk.upward.x : walk.upward.y));
+    vec2 near = t_at(walk, mix(high, low, eastward)), far = t_at(walk, mix(low, high, eastward));
+    // A ray that runs along an axis is always or never between its borders.
+    bvec2 still = equal(walk.inverse, vec2(STILL));
+    vec2 between = mix(vec2(-1.0), vec2(1.0), bvec2(walk.cell.x >= low.x && walk.cell.x < high.x, walk.cell.y >= low.y && walk.cell.y < high.y));
+    near = mix(near, -STILL * between, still);
+    far = mix(far, STILL * between, still);
+    float t = max(near.x, near.y);
+    if (t > walk.t) {
+        walk.face = (near.x >= near.y ? FACE_WEST : FACE_SOUTH) + uint(1 - (near.x >= near.y ? walk.upward.x : walk.upward.y));
         walk.t = t;
     }
-    return true;
+    walk.cell = clamp(cells_at(walk, walk.t, bvec2(false)), low, high - 1);
+    return walk.t < min(far.x, far.y);
 }
 
 uvec4 trace(Ray ray) {
     Walk walk;
     walk.ray = ray;
-    walk.inverse = mix(1.0 / ray.step.xy, vec2(1e30), lessThan(abs(ray.step.xy), vec2(1e-20)));
+    walk.inverse = mix(1.0 / ray.step.xy, vec2(STILL), lessThan(abs(ray.step.xy), vec2(1e-20)));
     walk.upward = ivec2(greaterThanEqual(walk.inverse, vec2(0.0)));
     walk.cell = ray.cell.xy;
-    walk.t = 0.0;
+    walk.t = ray.start;
     walk.face = FACE_INSIDE;
 
     uvec4 hit = uvec4(0u, NO_NODE, 0u, 0u);

@@ -179,7 +179,7 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     let Some(bounds) = sample.bounds else {
         return Err(LoadError::Nothing("the inputs hold no points"));
     };
-    let bounds = Bounds { min: bounds.min, max: bounds.max };
+    let bounds = Bounds { min: bounds.min, max: bounds.max }.snapped();
     let cell = options.cell.unwrap_or(sample.cell.cell);
 
     let mut inputs = Vec::new();
