@@ -4,12 +4,15 @@ use std::collections::HashMap;
 
 /// A void in which a square of this many cells a side fits is no footprint (a lake, the outside).
 const VOID_CELLS: usize = 13;
+/// Points a cell holds on average at the finest size that is thought of. Less than 1, so that densities of 1, 4
+/// or 16 points a unit, which surveys are planned for, lie on one side of it.
+const LEAST_POINTS: f64 = 0.8;
 /// With fewer holes than this share of the footprint's cells left open by the bridges that pictures make over
 /// gaps of four cells, cells are coarse enough.
 const OPEN_HOLES: f64 = 0.03;
 /// With more holes than this share, bridged or not, larger cells are worth it in any case. 3 %, as for pictures
 /// without bridges, chose cells of 1 m for a suburb and 2 m for a city that read well at half of that.
-const HOLES: f64 = 0.40;
+const HOLES: f64 = 0.50;
 /// Longest gap that pictures bridge, cells.
 const BRIDGE: usize = 4;
 /// Most doublings from the size at which there is one point a cell.
@@ -53,15 +56,15 @@ pub fn choose(patches: &[Patch], finest: f64) -> CellChoice {
     let Some(spacing) = spacing.reduce(f64::max) else { return none };
     let mut cell = power_of_two_above(spacing);
     let mut here = Tally::of(patches, cell);
-    while here.points_per_cell() < 1.0 && cell < 1e18 {
+    while here.points_per_cell() < LEAST_POINTS && cell < 1e18 {
         cell *= 2.0;
         here = Tally::of(patches, cell);
     }
-    // Rounded up to a power of two: below one point a cell 97 % cannot be hit anyway.
+    // Rounded up to a power of two.
     let finest = finest.max(spacing * 2f64.powi(-40));
     while cell / 2.0 >= finest {
         let finer = Tally::of(patches, cell / 2.0);
-        if finer.points_per_cell() < 1.0 {
+        if finer.points_per_cell() < LEAST_POINTS {
             break;
         }
         (cell, here) = (cell / 2.0, finer);
