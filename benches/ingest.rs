@@ -9,9 +9,9 @@ use lasray::source::placement::Placement;
 use lasray::source::{Decoder, LidarFile};
 use lasray::stream::bins::{Bins, Budget};
 use lasray::stream::workers::{Input, Progress, read_all};
+use lasray::synth::{Format, Tile, Town, write_tile};
 use std::hint::black_box;
 use std::path::Path;
-use lasray::synth::{Format, Tile, Town, write_tile};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -76,14 +76,18 @@ fn main() {
     let millions = std::env::args().skip(1).find_map(|a| a.trim_end_matches('M').parse().ok()).unwrap_or(20);
     let points: u64 = millions * 1_000_000;
     let folder = tempfile::tempdir().expect("a temporary folder");
-    println!("{:<16} {:>8} {:>12} {:>12} {:>12} {:>12} {:>12}", "M points/s", "format", "las/laz 1T", "decode 1T", "decode 2T", "bin 1T", "bin 2T");
+    println!(
+        "{:<16} {:>8} {:>12} {:>12} {:>12} {:>12} {:>12}",
+        "M points/s", "format", "las/laz 1T", "decode 1T", "decode 2T", "bin 1T", "bin 2T"
+    );
     for (format, extension) in [(3, "las"), (7, "las"), (3, "laz"), (7, "laz")] {
         let path = folder.path().join(format!("town{format}.{extension}"));
         let side = (points as f64 / PER_M2).sqrt();
         let tile = Tile { corner: [-side / 2.0; 2], size: [side; 2], points };
         let as_format = if format == 3 { Format::Three } else { Format::Seven };
         let never = AtomicBool::new(false);
-        write_tile(&Town::new(1), &tile, &path, as_format, extension == "laz", &never, |_| ()).expect("written");
+        write_tile(&Town::new(1), &tile, &path, as_format, extension == "laz", &never, |_| ())
+            .expect("written");
         let open = || LidarFile::open(&path).expect("just made");
         let file = open();
         let input = [Input { file: open(), placement: Placement::AsIs, rgb: RgbDepth::Sixteen }];
