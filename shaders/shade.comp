@@ -172,7 +172,7 @@ void main() {
             float bounce = 0.10 * (1.0 - 0.6 * normal.z);
             vec3 light = sunlight + skylight * 0.62 + bounce;
             // Photographs hold light already.
-            if (FRAME.color_source == 0u) light = mix(vec3(1.25), light, 0.7);
+            if (FRAME.color_source == 0u) light = mix(vec3(1.2), light, 0.8);
             color.rgb = albedo * light;
         }
     }
