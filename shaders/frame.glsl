@@ -38,7 +38,7 @@ struct Frame {
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).
 struct Node {
     ivec2 index;  // node index at its level
-    uint meta;    // level | USED | SECTION | wide << 10 | shift << 12 | detail level << 16
+    uint meta;    // level | USED | SECTION | wide << 10 | detail level << 16
     float top;    // highest thing below, lattice steps from the anchor, rounded up
     uvec2 place;  // of the section's payload
     int base;     // lattice height of code 0, from the anchor
@@ -142,8 +142,9 @@ Ray ray_at(uvec2 at) {
         add(integer, fraction, part_int, part_fraction);
         scaled(FRAME.down_int[axis], FRAME.down_fraction[axis], from_centre.y, part_int, part_fraction);
         add(integer, fraction, part_int, part_fraction);
+        // To 24 bits, which a float holds; to even, so that what is symmetrical stays so.
+        add(integer, fraction, 0, 127u + (fraction >> 8u & 1u));
         ray.cell[axis] = integer;
-        // Down to 24 bits before the conversion, so that it cannot round up to 1.
         ray.fraction[axis] = float(fraction >> 8u) * 5.9604644775390625e-8;
     }
     vec3 direction = FRAME.forward + float(from_centre.x) * FRAME.right + float(from_centre.y) * FRAME.down;

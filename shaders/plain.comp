@@ -47,7 +47,8 @@ uvec4 trace(Ray ray) {
         // 2a. Exit point: the nearer of the two borders, set exactly.
         ivec2 edge = (cell >> level) + 1;
         vec2 steps = (vec2((edge << level) - cell) - fraction) * inverse;
-        int axis = steps.x <= steps.y ? 0 : 1, other = 1 - axis;
+        // At a corner an eastward step comes first, a westward one last.
+        int axis = (mirror.x == 0 ? steps.x <= steps.y : steps.x < steps.y) ? 0 : 1, other = 1 - axis;
         float t_exit = t + steps[axis];
 
         // 2b. Intersection.
@@ -61,8 +62,10 @@ uvec4 trace(Ray ray) {
             uint meta = NODE[slot].meta;
             uint element = pyramid_offset(uint(level)) + node.y * (SECTION_SIDE >> level) + node.x;
             uint code = load_code(NODE[slot].place, NODE[slot].pyramid, element, (meta & NODE_WIDE) != 0u);
-            top = NODE[slot].base + int(code << (meta >> 12u & 0xFu));
+            top = NODE[slot].base + int(code);
             intersects = code != 0u && (ray.step.z >= 0.0 ? enter : leave) <= float(top);
+            // Not where the ray only touches a corner on the way from the south-west to the north-east or back.
+            intersects = intersects && (t_exit > t || mirror.x != mirror.y || face == FACE_INSIDE);
         }
 
         // 2c. Down a level, or the column itself.

@@ -39,7 +39,7 @@ bool top_at(inout Here here, ivec2 column, out float top) {
     uint meta = NODE[here.slot].meta;
     uvec2 inner = uvec2(column) & (SECTION_SIDE - 1u);
     uint code = load_code(NODE[here.slot].place, NODE[here.slot].pyramid, inner.y * SECTION_SIDE + inner.x, (meta & NODE_WIDE) != 0u);
-    top = float(NODE[here.slot].base + int(code << (meta >> 12u & 0xFu)));
+    top = float(NODE[here.slot].base + int(code));
     return code != 0u;
 }
 

@@ -4,7 +4,7 @@
 // A ray's place is the finest cell it is in and t. A node's far border gives t directly from the ray's origin
 // (never step by step), so no error builds up, and a node is passed over exactly when all its columns would be:
 // t and z(t) round monotonically. A column is solid from its top down; a ray hits where it first is at or
-// below a column's top inside that cell.
+// below a column's top inside that cell. Cells are half-open: a corner belongs to the cell north-east of it.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"
@@ -36,26 +36,32 @@ float z_at(in Walk walk, float t) { return fma(t, walk.ray.step.z, float(walk.ra
 void exit_of(in Walk walk, int level, out float t, out int axis, out ivec2 border) {
     border = (walk.cell >> level) + walk.upward << level;
     vec2 ts = t_at(walk, border);
-    axis = ts.x <= ts.y ? 0 : 1;
+    // At a corner an eastward step comes first, a westward one last.
+    axis = (walk.upward.x != 0 ? ts.x <= ts.y : ts.x < ts.y) ? 0 : 1;
     t = max(ts[axis], walk.t);
+}
+
+// Whether the ray is in the node that it leaves at t, and does not only touch its corner on the way from the
+// south-west to the north-east or back.
+bool is_in(in Walk walk, float t) {
+    return t > walk.t || walk.upward.x != walk.upward.y || walk.face == FACE_INSIDE;
 }
 
 // Cells that the ray is in at t, which rounding may put a border off: whether it has crossed a border is
 // decided by the border's t alone, so that large steps lead where small ones do.
-ivec2 cells_at(in Walk walk, float t, bvec2 after_border) {
+ivec2 cells_at(in Walk walk, float t) {
     ivec2 cell = walk.ray.cell.xy + ivec2(floor(fma(vec2(t), walk.ray.step.xy, walk.ray.fraction.xy)));
-    vec2 leave = t_at(walk, cell + walk.upward), enter = t_at(walk, cell + 1 - walk.upward);
-    ivec2 ahead = 2 * walk.upward - 1;
-    // Of two borders crossed at the same t, the one of axis 0 is crossed first.
-    bvec2 left = bvec2(after_border.x ? leave.x <= t : leave.x < t, after_border.y ? leave.y <= t : leave.y < t);
-    bvec2 ahead_of = bvec2(after_border.x ? enter.x > t : enter.x >= t, after_border.y ? enter.y > t : enter.y >= t);
-    return cell + mix(mix(ivec2(0), -ahead, ahead_of), ahead, left);
+    vec2 entered = t_at(walk, cell + 1 - walk.upward), left = t_at(walk, cell + walk.upward);
+    bool x_first = walk.upward.x != 0;
+    bvec2 behind = bvec2(x_first ? left.x <= t : left.x < t, x_first ? left.y < t : left.y <= t);
+    bvec2 before = bvec2(x_first ? entered.x > t : entered.x >= t, x_first ? entered.y >= t : entered.y > t);
+    return cell + (2 * walk.upward - 1) * (ivec2(behind) - ivec2(before));
 }
 
 // Goes to where the ray leaves the node of `level` through `border` of `axis`.
 void advance(inout Walk walk, int level, float t, int axis, ivec2 border) {
     ivec2 low = walk.cell >> level << level;
-    ivec2 across = clamp(cells_at(walk, t, bvec2(true, false)), low, low + (1 << level) - 1);
+    ivec2 across = clamp(cells_at(walk, t), low, low + (1 << level) - 1);
     walk.cell = axis == 0 ? ivec2(border.x - 1 + walk.upward.x, across.y) : ivec2(across.x, border.y - 1 + walk.upward.y);
     walk.face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(1 - walk.upward[axis]);
     walk.t = t;
@@ -71,7 +77,6 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
     uint meta = NODE[slot].meta;
     int top_level = int(meta & 0xFFu), finest = int(meta >> 16u & 0xFFu);
     bool wide = (meta & NODE_WIDE) != 0u;
-    uint shift = meta >> 12u & 0xFu;
     uvec2 place = NODE[slot].place;
     uint pyramid = NODE[slot].pyramid;
     int base = NODE[slot].base;
@@ -89,9 +94,9 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
         uint side = SECTION_SIDE >> l;
         uvec2 node = uvec2(walk.cell >> level) & (side - 1u);
         uint code = load_code(place, pyramid, pyramid_offset(l) + node.y * side + node.x, wide);
-        int top = base + int(code << shift);
+        int top = base + int(code);
 
-        if (code != 0u && lowest <= float(top)) {
+        if (code != 0u && lowest <= float(top) && is_in(walk, t)) {
             if (level > finest) {
                 level--;
                 continue;
@@ -131,7 +136,7 @@ bool enter(inout Walk walk) {
         walk.face = (near.x >= near.y ? FACE_WEST : FACE_SOUTH) + uint(1 - (near.x >= near.y ? walk.upward.x : walk.upward.y));
         walk.t = t;
     }
-    walk.cell = clamp(cells_at(walk, walk.t, bvec2(false)), low, high - 1);
+    walk.cell = clamp(cells_at(walk, walk.t), low, high - 1);
     return walk.t < min(far.x, far.y);
 }
 

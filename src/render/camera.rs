@@ -311,13 +311,9 @@ impl Camera {
     pub fn basis(&self, size: [u32; 2]) -> Result<RayBasis, CameraError> {
         let [width, height] = checked_size(size)?;
         let Axes { forward, right, up } = self.axes;
-        // Steps of one pixel and offset of the first pixel's centre, in pixels from the middle.
-        let spread = |step: f64| {
-            let (dx, dy) = (right * step, up * -step);
-            (dx, dy, dx * (0.5 - 0.5 * width) + dy * (0.5 - 0.5 * height))
-        };
         let still = RayBasis {
             eye: self.eye,
+            middle: [0.5 * width - 0.5, 0.5 * height - 0.5],
             o0: DVec3::ZERO,
             ox: DVec3::ZERO,
             oy: DVec3::ZERO,
@@ -329,12 +325,11 @@ impl Camera {
         };
         Ok(match self.projection {
             Projection::Perspective { fov } => {
-                let (dx, dy, first) = spread(2.0 * (fov.to_radians() * 0.5).tan() / height);
-                RayBasis { d0: forward + first, dx, dy, ..still }
+                let step = 2.0 * (fov.to_radians() * 0.5).tan() / height;
+                RayBasis { dx: right * step, dy: up * -step, ..still }
             }
-            Projection::Orthographic { units_per_pixel } => {
-                let (ox, oy, first) = spread(units_per_pixel);
-                RayBasis { o0: first, ox, oy, ..still }
+            Projection::Orthographic { units_per_pixel: step } => {
+                RayBasis { ox: right * step, oy: up * -step, ..still }
             }
         })
     }
@@ -365,13 +360,16 @@ fn fit(points: [[f64; 2]; 8], tan: f64) -> (f64, f64) {
 pub struct RayBasis {
     /// Where the camera is. Origins count from here: small numbers, the same ones wherever the data lies.
     pub eye: DVec3,
-    /// Origin of the ray of pixel (0, 0), from the eye.
+    /// The middle of the picture, pixels. Rays count from it, so that what is symmetrical in the picture is
+    /// so to the last bit.
+    pub middle: [f64; 2],
+    /// Origin of the ray through the middle, from the eye.
     pub o0: DVec3,
     /// Change of origin from a pixel to the one on its right (zero from an eye).
     pub ox: DVec3,
     /// Change of origin from a pixel to the one below.
     pub oy: DVec3,
-    /// Direction of the ray of pixel (0, 0).
+    /// Direction of the ray through the middle.
     pub d0: DVec3,
     /// Change of direction from a pixel to the one on its right (zero for parallel rays).
     pub dx: DVec3,
@@ -391,12 +389,12 @@ impl RayBasis {
 
     /// Start of the pixel's ray, counted from the eye.
     pub fn origin_from_eye(&self, px: f64, py: f64) -> DVec3 {
-        self.o0 + self.ox * px + self.oy * py
+        self.o0 + self.ox * (px - self.middle[0]) + self.oy * (py - self.middle[1])
     }
 
     /// Direction of the pixel's ray.
     pub fn direction(&self, px: f64, py: f64) -> DVec3 {
-        self.d0 + self.dx * px + self.dy * py
+        self.d0 + self.dx * (px - self.middle[0]) + self.dy * (py - self.middle[1])
     }
 
     /// The same rays with their origins moved on to the plane `depth` CRS units ahead along the direction
@@ -439,6 +437,7 @@ impl RayBasis {
         let flat = |v: DVec3| DVec3 { z: v.z / z_scale, ..v };
         Ok(RayBasis {
             eye: DVec3 { z: pivot_u + (self.eye.z - pivot_u) / z_scale, ..self.eye },
+            middle: self.middle,
             o0: flat(self.o0),
             ox: flat(self.ox),
             oy: flat(self.oy),

@@ -368,7 +368,6 @@ impl Renderer {
         buffers: &InFlight,
         target: &Target,
     ) -> FrameConstants {
-        let [w, h] = view.size.map(f64::from);
         let cell = self.grid.cell();
         let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, HEIGHT_STEPS_PER_UNIT);
         let anchor =
@@ -376,7 +375,7 @@ impl Renderer {
         // Added in fixed point, so that what is left of the eye's place in the world does not round the rest.
         // Divided as cell indices are: a border is a whole number.
         let eye = rays.eye / DVec3::new(cell, cell, 1.0 / HEIGHT_STEPS_PER_UNIT) - anchor;
-        let from_eye = rays.origin_from_eye(w * 0.5 - 0.5, h * 0.5 - 0.5) * per_unit;
+        let from_eye = rays.o0 * per_unit;
         let place = match self.access {
             Access::Address => |b: &Buffer| halves(b.address()),
             Access::StorageBuffer => |_: &Buffer| [0; 2],
@@ -404,7 +403,7 @@ impl Renderer {
             down_int,
             down_fraction,
             depth: shown.advanced() as f32,
-            forward: shown.direction(w * 0.5 - 0.5, h * 0.5 - 0.5).as_vec3().to_array(),
+            forward: shown.d0.as_vec3().to_array(),
             right: (shown.dx / 16.0).as_vec3().to_array(),
             down: (shown.dy / 16.0).as_vec3().to_array(),
             to_local: (per_unit / DVec3::new(1.0, 1.0, view.z_scale)).as_vec3().to_array(),

@@ -8,6 +8,7 @@ mod scene;
 use common::LAVAPIPE;
 use glam::DVec3;
 use lasray::attribute::ClassMask;
+use lasray::coords::HEIGHT_STEPS_PER_UNIT;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::Renderer;
 use lasray::render::reference::{ColumnMap, Tolerance, compare};
@@ -97,8 +98,7 @@ fn check(data: &Data, map: &ColumnMap, scene: &mut Scene, renderer: &mut Rendere
         let image = renderer.draw(scene, &view).unwrap();
         let basis = shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
         let reference = map.render(&basis, shot.size);
-        let height_step = f64::from(1u32 << scene.coarsest_shift()) / 1024.0;
-        let tolerance = Tolerance { cell_size: data.grid.cell(), height_step };
+        let tolerance = Tolerance { cell_size: data.grid.cell(), height_step: 1.0 / HEIGHT_STEPS_PER_UNIT };
         let result = compare(&reference, &basis, shot.size[0], &image.distance, &image.class, tolerance);
         println!("{what}, {}: {result}", shot.name);
         if !result.agrees(0.999) {
@@ -116,7 +116,7 @@ fn check_file(gpu: &lasray::gpu::Gpu, path: &Path, cell: Option<f64>, odd: bool,
     let points = points(path, &data.placement);
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
     let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &ClassMask::default(), false);
-    println!("{name}: {} points, cell {}, {} columns, shift {}, {:?}", points.len(), data.grid.cell(), map.len(), scene.coarsest_shift(), start.elapsed());
+    println!("{name}: {} points, cell {}, {} columns, {:?}", points.len(), data.grid.cell(), map.len(), start.elapsed());
     let mut shots = main_shots(&data, &map);
     if odd {
         shots.extend(odd_shots(&data));
