@@ -5,6 +5,7 @@ mod text;
 
 use super::Outcome;
 use crate::attribute::ColorMode;
+use crate::gpu::{DeviceInfo, list_devices};
 use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
 use crate::source::crs::{Crs, CrsKind, Unit};
 use crate::source::inputs;
@@ -19,8 +20,11 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
     /// Files, folders, @list.txt, patterns
-    #[arg(required = true, value_name = "INPUT")]
+    #[arg(required_unless_present = "devices", value_name = "INPUT")]
     inputs: Vec<PathBuf>,
+    /// List the Vulkan devices, with what each lacks
+    #[arg(long, conflicts_with = "inputs")]
+    devices: bool,
     /// Read every point: classes, ranges of all attributes, true bounds
     #[arg(long)]
     scan: bool,
@@ -39,6 +43,48 @@ pub struct Args {
     /// No progress
     #[arg(short, long)]
     quiet: bool,
+}
+
+/// A device, as `--json` gives it.
+#[derive(Debug, Serialize)]
+struct DeviceReport<'a> {
+    /// What `--device` takes.
+    index: usize,
+    name: &'a str,
+    kind: String,
+    driver: &'a str,
+    /// Vulkan version.
+    api: String,
+    memory_bytes: u64,
+    /// Empty for a device that can be used.
+    missing: &'a [&'static str],
+}
+
+impl DeviceReport<'_> {
+    fn of(device: &DeviceInfo) -> DeviceReport<'_> {
+        let [major, minor, patch] = device.api;
+        DeviceReport {
+            index: device.index,
+            name: &device.name,
+            kind: device.kind.to_string(),
+            driver: &device.driver,
+            api: format!("{major}.{minor}.{patch}"),
+            memory_bytes: device.memory_bytes,
+            missing: &device.missing,
+        }
+    }
+}
+
+fn json(value: &impl Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(value).context("cannot write JSON")? + "\n")
+}
+
+/// To standard output; `lasray info … | head` is no failure.
+fn print(page: &str) -> anyhow::Result<()> {
+    match std::io::stdout().lock().write_all(page.as_bytes()) {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("cannot write to standard output"),
+    }
 }
 
 /// Everything that is printed.
@@ -159,17 +205,17 @@ impl From<&Crs> for CrsReport {
 /// Runs `lasray info`. [`Outcome::Incomplete`] where nothing could be read, or an input failed with
 /// `--strict`.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
-    let report = gather(&args);
-    let mut out = std::io::stdout().lock();
-    let page = match args.json {
-        true => serde_json::to_string_pretty(&report).context("cannot write JSON")? + "\n",
-        false => text::page(&report),
-    };
-    match out.write_all(page.as_bytes()) {
-        // `lasray info … | head` is no failure.
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
-        written => written.context("cannot write to standard output")?,
+    if args.devices {
+        let devices = list_devices()?;
+        let page = match args.json {
+            true => json(&devices.iter().map(DeviceReport::of).collect::<Vec<_>>())?,
+            false => devices.iter().map(|device| format!("{device}\n")).collect(),
+        };
+        print(&page)?;
+        return Ok(Outcome::Done);
     }
+    let report = gather(&args);
+    print(&if args.json { json(&report)? } else { text::page(&report) })?;
     let damaged = report.files.iter().any(FileReport::is_damaged);
     let failed = args.strict && (damaged || !report.failed.is_empty());
     Ok(if failed || report.files.is_empty() { Outcome::Incomplete } else { Outcome::Done })

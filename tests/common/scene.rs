@@ -40,7 +40,8 @@ pub fn town(folder: &Path, name: &str, corner: [f64; 2], side: f64) -> PathBuf {
     let path = folder.join(name);
     let tile = Tile { corner, size: [side; 2], points: (8.0 * side * side) as u64 };
     let compress = name.ends_with(".laz");
-    write_tile(&Town::new(1), &tile, &path, Format::Seven, compress, &AtomicBool::new(false), |_| {}).unwrap();
+    write_tile(&Town::new(1), &tile, &path, Format::Seven, compress, &AtomicBool::new(false), |_| {})
+        .unwrap();
     path
 }
 

@@ -76,25 +76,60 @@ fn odd_shots(data: &Data) -> Vec<Shot> {
     let parallel = |units_per_pixel| Projection::Orthographic { units_per_pixel };
     let fit = 1.1 * size.truncate().length() / f64::from(SIZE[0]);
     vec![
-        Shot { size: ODD, ..shot("along an axis", Camera::orbit(middle, [90.0, 0.0], 0.6 * size.x, WIDE).unwrap()) },
+        Shot {
+            size: ODD,
+            ..shot("along an axis", Camera::orbit(middle, [90.0, 0.0], 0.6 * size.x, WIDE).unwrap())
+        },
         Shot { size: ODD, ..shot("along an axis, west of it", Camera::look_at(west, middle, WIDE).unwrap()) },
-        Shot { size: ODD, ..shot("down from a border", Camera::orbit(middle, [0.0, 90.0], size.x, WIDE).unwrap()) },
-        shot("from a corner, diagonal", Camera::look_at(middle - DVec3::new(100.0 * cell, 100.0 * cell, 0.0), middle, WIDE).unwrap()),
+        Shot {
+            size: ODD,
+            ..shot("down from a border", Camera::orbit(middle, [0.0, 90.0], size.x, WIDE).unwrap())
+        },
+        shot(
+            "from a corner, diagonal",
+            Camera::look_at(middle - DVec3::new(100.0 * cell, 100.0 * cell, 0.0), middle, WIDE).unwrap(),
+        ),
         shot("from below", Camera::look_at(below, center, WIDE).unwrap()),
-        shot("inside a column", Camera::look_at(middle.with_z(b.min.z - 3.0), center.with_z(b.max.z), WIDE).unwrap()),
+        shot(
+            "inside a column",
+            Camera::look_at(middle.with_z(b.min.z - 3.0), center.with_z(b.max.z), WIDE).unwrap(),
+        ),
         shot("up", Camera::orbit(middle, [0.0, -90.0], 0.3 * size.z, WIDE).unwrap()),
         shot("parallel, oblique", Camera::frame(&b, [140.0, 30.0], parallel(fit), SIZE).unwrap()),
-        shot("parallel, down, a cell a pixel", Camera::orbit(middle, [0.0, 90.0], size.x, parallel(cell)).unwrap()),
+        shot(
+            "parallel, down, a cell a pixel",
+            Camera::orbit(middle, [0.0, 90.0], size.x, parallel(cell)).unwrap(),
+        ),
         shot("parallel, level", Camera::orbit(middle, [0.0, 0.0], size.x, parallel(fit)).unwrap()),
-        Shot { z_scale: 3.0, ..shot("exaggerated", Camera::frame(&b.exaggerated(3.0, b.min.z), [300.0, 25.0], WIDE, SIZE).unwrap()) },
-        Shot { z_scale: 0.5, ..shot("flattened", Camera::frame(&b.exaggerated(0.5, b.min.z), [80.0, 15.0], WIDE, SIZE).unwrap()) },
+        Shot {
+            z_scale: 3.0,
+            ..shot(
+                "exaggerated",
+                Camera::frame(&b.exaggerated(3.0, b.min.z), [300.0, 25.0], WIDE, SIZE).unwrap(),
+            )
+        },
+        Shot {
+            z_scale: 0.5,
+            ..shot(
+                "flattened",
+                Camera::frame(&b.exaggerated(0.5, b.min.z), [80.0, 15.0], WIDE, SIZE).unwrap(),
+            )
+        },
     ]
 }
 
-fn check(data: &Data, map: &ColumnMap, scene: &mut Scene, renderer: &mut Renderer, what: &str, shots: &[Shot]) -> Vec<String> {
+fn check(
+    data: &Data,
+    map: &ColumnMap,
+    scene: &mut Scene,
+    renderer: &mut Renderer,
+    what: &str,
+    shots: &[Shot],
+) -> Vec<String> {
     let mut wrong = Vec::new();
     for shot in shots {
-        let view = lasray::render::frame::View { z_scale: shot.z_scale, ..data.exact(&shot.camera, shot.size) };
+        let view =
+            lasray::render::frame::View { z_scale: shot.z_scale, ..data.exact(&shot.camera, shot.size) };
         let image = renderer.draw(scene, &view).unwrap();
         let basis = shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
         let reference = map.render(&basis, shot.size);
@@ -116,7 +151,13 @@ fn check_file(gpu: &lasray::gpu::Gpu, path: &Path, cell: Option<f64>, odd: bool,
     let points = points(path, &data.placement);
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
     let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &ClassMask::default(), false);
-    println!("{name}: {} points, cell {}, {} columns, {:?}", points.len(), data.grid.cell(), map.len(), start.elapsed());
+    println!(
+        "{name}: {} points, cell {}, {} columns, {:?}",
+        points.len(),
+        data.grid.cell(),
+        map.len(),
+        start.elapsed()
+    );
     let mut shots = main_shots(&data, &map);
     if odd {
         shots.extend(odd_shots(&data));
@@ -126,7 +167,14 @@ fn check_file(gpu: &lasray::gpu::Gpu, path: &Path, cell: Option<f64>, odd: bool,
         let classes = ClassMask::only(mask);
         scene.show(Visibility { classes, ..MEASURED() }).unwrap();
         let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &classes, false);
-        wrong.extend(check(&data, &map, &mut scene, &mut renderer, &format!("{name}, classes {mask:?}"), &main_shots(&data, &map)));
+        wrong.extend(check(
+            &data,
+            &map,
+            &mut scene,
+            &mut renderer,
+            &format!("{name}, classes {mask:?}"),
+            &main_shots(&data, &map),
+        ));
     }
     println!("{name}: {:?}", start.elapsed());
     assert_eq!(gpu.messages(), [""; 0]);
@@ -184,17 +232,30 @@ fn debug() {
         let mut shots = main_shots(&data, &map);
         shots.extend(odd_shots(&data));
         println!("bounds {:?}", data.bounds);
-        for e in scene.entries() { println!("{e:?}"); }
+        for e in scene.entries() {
+            println!("{e:?}");
+        }
         for shot in &shots {
-            for traversal in [lasray::render::frame::Traversal::Fast, lasray::render::frame::Traversal::Plain] {
-                let view = lasray::render::frame::View { z_scale: shot.z_scale, traversal, ..data.exact(&shot.camera, shot.size) };
+            for traversal in [lasray::render::frame::Traversal::Fast, lasray::render::frame::Traversal::Plain]
+            {
+                let view = lasray::render::frame::View {
+                    z_scale: shot.z_scale,
+                    traversal,
+                    ..data.exact(&shot.camera, shot.size)
+                };
                 let image = renderer.draw(&mut scene, &view).unwrap();
-                let basis = shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
+                let basis =
+                    shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
                 let reference = map.render(&basis, shot.size);
                 let mut rows = vec![[0; 2]; shot.size[1] as usize];
                 for (k, (r, d)) in reference.iter().zip(&image.distance).enumerate() {
                     let y = k / shot.size[0] as usize;
-                    if r.is_some() { rows[y][0] += 1; if !d.is_finite() { rows[y][1] += 1; } }
+                    if r.is_some() {
+                        rows[y][0] += 1;
+                        if !d.is_finite() {
+                            rows[y][1] += 1;
+                        }
+                    }
                 }
                 println!("{} {traversal:?} eye {:?}: {rows:?}", shot.name, shot.camera.eye());
             }
