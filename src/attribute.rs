@@ -3,7 +3,7 @@
 //! Colours here (points' RGB, ramps, palettes) are sRGB-encoded; light is computed and EXR written in
 //! linear values: [`srgb_to_linear`] after the lookup, [`linear_to_srgb`] before an 8-bit file.
 
-use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height};
+use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, tidy};
 use bytemuck::{Pod, Zeroable};
 use clap::ValueEnum;
 
@@ -497,7 +497,7 @@ fn table(color: impl Fn(u16) -> [f64; 3]) -> Box<[[f32; 4]; 256]> {
 
 /// Says so, in words, when the field behind `mode` has one value in the whole sample.
 fn constant(mode: ColorMode, sample: &AttributeSummary) -> Option<String> {
-    let spread = |name, s: &Spread| (s.min >= s.max).then(|| format!("{name} is {} everywhere", s.min));
+    let spread = |name, s: &Spread| (s.min >= s.max).then(|| format!("{name} is {} everywhere", tidy(s.min)));
     if sample.points == 0 {
         return Some("no points".to_owned());
     }

@@ -9,6 +9,7 @@ pub mod command;
 pub mod coords;
 pub mod gpu;
 pub mod load;
+pub mod problems;
 pub mod render;
 pub mod sample;
 pub mod section;

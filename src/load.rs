@@ -2,11 +2,12 @@
 
 use crate::attribute::AttributeSummary;
 use crate::attribute::ColorMode;
-use crate::coords::{CELL_LIMIT, Grid, SectionKey};
+use crate::coords::{CELL_LIMIT, Grid, SectionKey, tidy};
+use crate::problems::Problems;
 use crate::render::camera::Bounds;
-use crate::sample::{self, RgbDepth};
+use crate::sample::{self, Opened, RgbDepth};
 use crate::section::Columns;
-use crate::source::placement::{Placement, PlacementOptions};
+use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
 use crate::source::{crs::Crs, crs::Unit, inputs};
 use crate::stream::bins::{Binner, Bins, Budget, Meaning};
 use crate::stream::workers::{Input, Progress, read_all};
@@ -42,18 +43,22 @@ pub enum LoadError {
     Nothing(&'static str),
     /// More cells than the grid can count.
     #[error(
-        "cell size {cell} is too small: {extent:.0} units across would be {cells:.0} cells, {most} are possible"
+        "cell size {} is too small: {what} {} units would be {} cells, {most:.0} are possible",
+        tidy(*cell), tidy(*length), tidy(length / cell)
     )]
     TooFine {
         /// Asked for.
         cell: f64,
-        /// Of the data, CRS units.
-        extent: f64,
-        /// Across it.
-        cells: f64,
-        /// The grid's limit.
-        most: i64,
+        /// What is too long.
+        what: &'static str,
+        /// Its length, CRS units.
+        length: f64,
+        /// The grid's limit, cells.
+        most: f64,
     },
+    /// Coordinates that no cell size makes countable.
+    #[error("nothing to draw: coordinates reach to {0:e} units, no grid can hold that")]
+    TooWide(f64),
     /// Even the coarsest cells do not fit.
     #[error(
         "the sections do not fit {host} bytes of host and {device} bytes of device memory at any cell size"
@@ -88,30 +93,36 @@ pub struct Loaded {
     pub points: u64,
 }
 
-/// What was wrong on the way, in order.
-#[derive(Default)]
-pub struct Problems {
-    /// One line each; an input, or a part of it, is missing.
-    pub errors: Vec<String>,
-    /// One line each; nothing is missing that could be read.
-    pub warnings: Vec<String>,
-    /// There were errors.
-    pub failed: bool,
+/// Largest absolute cell index: beyond it, f64 no longer tells neighbours apart.
+const REACH_CELLS: f64 = 9e15;
+/// Widest extent in cells: far enough from the limit that strays near the data have cells too.
+const EXTENT_CELLS: f64 = (CELL_LIMIT / 4) as f64;
+
+/// Extent of the data and their distance from the origin, CRS units.
+fn spans(bounds: &Bounds) -> [f64; 2] {
+    let extent = (bounds.max - bounds.min).truncate().max_element();
+    let reach = bounds.max.truncate().abs().max(bounds.min.truncate().abs()).max_element();
+    [extent, reach]
 }
 
-/// The bytes of a picture's grid must be counted in i32 with room to spare.
+/// `chosen`, or the smallest power of two above it whose grid holds the data.
+fn auto_cell(chosen: f64, bounds: &Bounds) -> Result<f64, LoadError> {
+    let [extent, reach] = spans(bounds);
+    let least = (extent / EXTENT_CELLS).max(reach / REACH_CELLS);
+    if least > 1e15 || !extent.is_finite() {
+        return Err(LoadError::TooWide(reach));
+    }
+    Ok(if chosen >= least { chosen } else { least.log2().ceil().exp2() })
+}
+
+/// The grid of `cell`, anchored near the data so that cells are counted in i32.
 fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
-    let extent = (bounds.max - bounds.min).truncate().max_element();
-    // Far enough from the limit that strays near the data have cells too.
-    let most = CELL_LIMIT / 4;
-    let reach = bounds.max.truncate().abs().max(bounds.min.truncate().abs()).max_element();
-    if extent / cell > most as f64 || reach / cell > 9e15 {
-        return Err(LoadError::TooFine {
-            cell,
-            extent: extent.max(reach),
-            cells: extent.max(reach) / cell,
-            most,
-        });
+    let [extent, reach] = spans(bounds);
+    let limits = [("an extent of", extent, EXTENT_CELLS), ("coordinates of", reach, REACH_CELLS)];
+    for (what, length, most) in limits {
+        if length / cell > most {
+            return Err(LoadError::TooFine { cell, what, length, most });
+        }
     }
     // A multiple that stays one of a section's side through every coarsening.
     const ANCHOR: f64 = (1 << 24) as f64;
@@ -148,7 +159,7 @@ pub fn files(
     problems: &mut Problems,
 ) -> Result<Loaded, LoadError> {
     let found = inputs::expand(inputs);
-    problems.errors.extend(found.failed.iter().map(ToString::to_string));
+    found.failed.iter().for_each(|error| problems.error(error));
     paths(&found.files, options, problems)
 }
 
@@ -158,29 +169,44 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     for result in sample::open_all(paths) {
         match result {
             Ok(file) => opened.push(file),
-            Err(error) => problems.errors.push(error.to_string()),
+            Err(error) => problems.error(error),
         }
     }
-    for file in &opened {
-        let path = file.file.path().display();
-        problems.warnings.extend(file.file.warnings.iter().map(|w| format!("{path}: {w}")));
-        problems.warnings.extend(file.crs_errors.iter().map(|e| format!("{path}: {e}")));
+    for Opened { file, crs_errors, .. } in &opened {
+        let path = file.path().display();
+        file.warnings.iter().for_each(|warning| problems.warn(format!("{path}: {warning}")));
+        crs_errors.iter().for_each(|error| problems.warn(format!("{path}: {error}")));
+        problems.failed |= file.points() < file.header.claimed_points;
+        if file.header.claimed_points == 0 && file.points() == 0 {
+            problems.warn(format!("{path}: holds no points"));
+        }
     }
-    if opened.is_empty() {
-        return Err(LoadError::Nothing("no input could be read"));
-    }
+    // What is said of the whole names the file where there is but one.
+    let subject = match &opened[..] {
+        [] => return Err(LoadError::Nothing("no input could be read")),
+        [only] => format!("{}: ", only.file.path().display()),
+        _ => String::new(),
+    };
     let sample = sample::take(&opened, &options.placement, &sample::Budget::default());
     for note in &sample.world.notes {
-        problems.warnings.push(match note.file() {
+        let line = match note.file() {
             Some(file) => format!("{}: {note}", opened[file].file.path().display()),
-            None => note.to_string(),
-        });
+            None => format!("{subject}{note}"),
+        };
+        match note {
+            PlacementNote::LeftOut { .. } => problems.error(line),
+            PlacementNote::NotDegrees { .. } | PlacementNote::NotGeocentric { .. } => problems.warn(line),
+            _ => problems.note(line),
+        }
     }
     let Some(bounds) = sample.bounds else {
         return Err(LoadError::Nothing("the inputs hold no points"));
     };
     let bounds = Bounds { min: bounds.min, max: bounds.max }.snapped();
-    let cell = options.cell.unwrap_or(sample.cell.cell);
+    let cell = match options.cell {
+        Some(cell) => cell,
+        None => auto_cell(sample.cell.cell, &bounds)?,
+    };
 
     let mut inputs = Vec::new();
     for (index, opened) in opened.into_iter().enumerate() {
@@ -198,13 +224,13 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     let total = inputs.iter().map(|i| i.file.points()).sum();
     let progress = Progress::default();
     let errors = watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &progress));
-    problems.errors.extend(errors.iter().map(ToString::to_string));
+    errors.iter().for_each(|error| problems.error(error));
     let points = progress.points.into_inner();
     let summary = sample.attributes;
     let color = ColorMode::auto(&summary);
     let placement = inputs.first().map_or(Placement::AsIs, |i| i.placement);
     let (crs, unit) = (sample.world.crs, sample.world.unit);
-    let about = About { bounds, summary, color, crs, unit, placement, points, cell };
+    let about = About { subject, bounds, summary, color, crs, unit, placement, points, cell };
     finish(bins, about, options, problems)
 }
 
@@ -272,6 +298,7 @@ pub fn demo(options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, Lo
     let points = progress.points.into_inner();
     let unit = Some(Unit::metre());
     let about = About {
+        subject: String::new(),
         bounds,
         summary,
         color: ColorMode::Rgb,
@@ -286,6 +313,8 @@ pub fn demo(options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, Lo
 
 /// What is known beside the sections.
 struct About {
+    /// What stands before a warning.
+    subject: String,
     bounds: Bounds,
     summary: AttributeSummary,
     color: ColorMode,
@@ -305,21 +334,21 @@ fn finish(
     let Budget { host_bytes: host, device_bytes: device } = options.budget;
     let binned = bins.finish().ok_or(LoadError::Budget { host, device })?;
     if binned.outside > 0 {
-        problems.warnings.push(format!(
-            "{} points are not drawn: scattered far outside of the rest, or beyond what a height or cell can be",
-            binned.outside
+        let points = if binned.outside == 1 { "point is" } else { "points are" };
+        problems.warn(format!(
+            "{}{} {points} not drawn: scattered far outside of the rest, or beyond what a height or cell can be",
+            about.subject, binned.outside
         ));
     }
     if binned.grid.coarsen > 0 {
-        problems.warnings.push(format!(
-            "cell size {} instead of {}: at {} the sections would not fit the memory budget (--device-memory, --host-memory)",
-            binned.grid.cell(),
-            about.cell,
-            about.cell
+        let [was, now] = [about.cell, binned.grid.cell()].map(tidy);
+        problems.warn(format!(
+            "{}cell size {now} instead of {was}: at {was} the sections would not fit the memory budget (--device-memory, --host-memory)",
+            about.subject
         ));
     }
     if binned.sections.is_empty() {
-        return Err(LoadError::Nothing("no point could be read"));
+        return Err(LoadError::Nothing("no point is left"));
     }
     let About { bounds, summary, color, crs, unit, placement, points, .. } = about;
     let (grid, sections) = (binned.grid, binned.sections);

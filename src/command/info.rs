@@ -3,24 +3,28 @@
 mod scan;
 mod text;
 
+use super::Outcome;
 use crate::attribute::ColorMode;
+use crate::gpu::{DeviceInfo, list_devices};
 use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
 use crate::source::crs::{Crs, CrsKind, Unit};
 use crate::source::inputs;
-use crate::source::placement::PlacementOptions;
+use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
 use anyhow::Context;
 use scan::Scan;
 use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
-use std::process::ExitCode;
 
 /// Arguments of `lasray info`.
 #[derive(Clone, Debug, clap::Args)]
 pub struct Args {
     /// Files, folders, @list.txt, patterns
-    #[arg(required = true, value_name = "INPUT")]
+    #[arg(required_unless_present = "devices", value_name = "INPUT")]
     inputs: Vec<PathBuf>,
+    /// List the Vulkan devices, with what each lacks
+    #[arg(long, conflicts_with = "inputs")]
+    devices: bool,
     /// Read every point: classes, ranges of all attributes, true bounds
     #[arg(long)]
     scan: bool,
@@ -39,6 +43,48 @@ pub struct Args {
     /// No progress
     #[arg(short, long)]
     quiet: bool,
+}
+
+/// A device, as `--json` gives it.
+#[derive(Debug, Serialize)]
+struct DeviceReport<'a> {
+    /// What `--device` takes.
+    index: usize,
+    name: &'a str,
+    kind: String,
+    driver: &'a str,
+    /// Vulkan version.
+    api: String,
+    memory_bytes: u64,
+    /// Empty for a device that can be used.
+    missing: &'a [&'static str],
+}
+
+impl DeviceReport<'_> {
+    fn of(device: &DeviceInfo) -> DeviceReport<'_> {
+        let [major, minor, patch] = device.api;
+        DeviceReport {
+            index: device.index,
+            name: &device.name,
+            kind: device.kind.to_string(),
+            driver: &device.driver,
+            api: format!("{major}.{minor}.{patch}"),
+            memory_bytes: device.memory_bytes,
+            missing: &device.missing,
+        }
+    }
+}
+
+fn json(value: &impl Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(value).context("cannot write JSON")? + "\n")
+}
+
+/// To standard output; `lasray info … | head` is no failure.
+fn print(page: &str) -> anyhow::Result<()> {
+    match std::io::stdout().lock().write_all(page.as_bytes()) {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("cannot write to standard output"),
+    }
 }
 
 /// Everything that is printed.
@@ -76,9 +122,19 @@ struct FileReport {
     rgb: &'static str,
     /// It is not drawn, since its coordinate system is not that of most files.
     left_out: bool,
+    /// A part of it could not be read.
+    #[serde(skip)]
+    unreadable: bool,
     warnings: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     scan: Option<Scan>,
+}
+
+impl FileReport {
+    /// Points are missing.
+    fn is_damaged(&self) -> bool {
+        self.unreadable || self.scan.as_ref().is_some_and(|scan| !scan.damage.is_empty())
+    }
 }
 
 /// All files that are drawn.
@@ -146,25 +202,23 @@ impl From<&Crs> for CrsReport {
     }
 }
 
-/// Runs `lasray info`. Exit code 1 where nothing could be read, or an input failed with `--strict`.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let report = gather(args);
-    let mut out = std::io::stdout().lock();
-    let written = match args.json {
-        true => {
-            serde_json::to_writer_pretty(&mut out, &report).map_err(Into::into).and_then(|()| writeln!(out))
-        }
-        false => out.write_all(text::page(&report).as_bytes()),
-    };
-    match written {
-        // `lasray info … | head` is no failure.
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => {}
-        written => written.context("cannot write to standard output")?,
+/// Runs `lasray info`. [`Outcome::Incomplete`] where nothing could be read, or an input failed with
+/// `--strict`.
+pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    if args.devices {
+        let devices = list_devices()?;
+        let page = match args.json {
+            true => json(&devices.iter().map(DeviceReport::of).collect::<Vec<_>>())?,
+            false => devices.iter().map(|device| format!("{device}\n")).collect(),
+        };
+        print(&page)?;
+        return Ok(Outcome::Done);
     }
-    let damaged =
-        report.files.iter().any(|file| file.scan.as_ref().is_some_and(|scan| !scan.damage.is_empty()));
+    let report = gather(&args);
+    print(&if args.json { json(&report)? } else { text::page(&report) })?;
+    let damaged = report.files.iter().any(FileReport::is_damaged);
     let failed = args.strict && (damaged || !report.failed.is_empty());
-    Ok(if failed || report.files.is_empty() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+    Ok(if failed || report.files.is_empty() { Outcome::Incomplete } else { Outcome::Done })
 }
 
 fn gather(args: &Args) -> Report {
@@ -189,6 +243,7 @@ fn gather(args: &Args) -> Report {
         .collect();
     for (index, problem) in &sample.problems {
         // A scan meets it again, and says how many points are lost.
+        reports[*index].unreadable = true;
         if reports[*index].scan.is_none() {
             reports[*index].warnings.push(problem.to_string());
         }
@@ -229,14 +284,15 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
         crs: crs.as_ref().map(Into::into),
         density,
         rgb,
-        left_out: sample.world.placements[index].is_none(),
+        left_out: sample.world.placements[index].is_none() && file.points() > 0,
+        unreadable: file.points() < header.claimed_points,
         warnings: warnings.chain(crs_errors.iter().map(ToString::to_string)).collect(),
         scan: None,
     }
 }
 
 fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
-    let note = |note: &crate::source::placement::PlacementNote| match note.file() {
+    let note = |note: &PlacementNote| match note.file() {
         Some(index) => format!("{}: {note}", reports[index].path),
         None => note.to_string(),
     };
@@ -247,9 +303,7 @@ fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
     }
     if let Some(scan) = &mut scan {
         // Files may differ in how their coordinates come into the world; each has its own bounds.
-        let as_is = |placement: &Option<crate::source::placement::Placement>| {
-            placement.is_none_or(|placement| placement.is_identity())
-        };
+        let as_is = |placement: &Option<Placement>| placement.is_none_or(|placement| placement.is_identity());
         scan.bounds = scan.bounds.filter(|_| sample.world.placements.iter().all(as_is));
         scan.damage.clear();
     }
@@ -288,9 +342,85 @@ fn decimals(scale: f64) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::synth::{Format, Tile, Town, write_tile};
+    use clap::Parser as _;
+    use std::path::Path;
+    use std::sync::atomic::AtomicBool;
+
+    #[derive(clap::Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn report(words: &[&Path], options: &[&str]) -> Report {
+        let words = words.iter().map(|path| path.to_str().unwrap()).chain(options.iter().copied());
+        gather(&Cli::parse_from(["info", "--quiet"].into_iter().chain(words)).args)
+    }
+
+    fn town(path: &Path, corner: [f64; 2], points: u64, compress: bool) {
+        let tile = Tile { corner, size: [60.0, 60.0], points };
+        let format = if compress { Format::Seven } else { Format::Three };
+        let stop = AtomicBool::new(false);
+        write_tile(&Town::new(1), &tile, path, format, compress, &stop, |_| {}).unwrap();
+    }
 
     #[test]
     fn decimals_follow_the_scale() {
         assert_eq!([1.0, 0.01, 0.001, 0.00025, 1e-7, 10.0].map(decimals), [0, 2, 3, 4, 7, 0]);
+    }
+
+    #[test]
+    fn a_town_is_described() {
+        let folder = tempfile::tempdir().unwrap();
+        let (east, west) = (folder.path().join("east.laz"), folder.path().join("west.las"));
+        town(&west, [0.0, 0.0], 30_000, false);
+        town(&east, [60.0, 0.0], 20_000, true);
+        std::fs::write(folder.path().join("bad.las"), "no LAS").unwrap();
+        let report = report(&[folder.path(), Path::new("gone.laz")], &["--scan"]);
+        assert_eq!(report.failed.len(), 2, "{:?}", report.failed);
+        let kinds: Vec<_> =
+            report.files.iter().map(|file| (file.kind, file.point_format, file.points)).collect();
+        assert_eq!(kinds, [("LAZ", 7, 20_000), ("LAS", 3, 30_000)]);
+        let all = &report.all;
+        assert_eq!((all.files, all.points, all.color), (2, 50_000, "rgb"));
+        let scan = all.scan.as_ref().unwrap();
+        assert_eq!(scan.points, 50_000);
+        assert_eq!(scan.seen_classes().map(|(_, count)| count).sum::<u64>(), 50_000);
+        let (bounds, frame) = (scan.bounds.unwrap(), all.bounds.unwrap());
+        for axis in 0..2 {
+            assert!((bounds.min[axis] - frame.min[axis]).abs() < 0.01, "{bounds:?} {frame:?}");
+            assert!((bounds.max[axis] - frame.max[axis]).abs() < 0.01, "{bounds:?} {frame:?}");
+        }
+        assert!((5.0..25.0).contains(&all.density), "{}", all.density);
+
+        let page = text::page(&report);
+        for part in
+            ["all 2 files", "point format 7, LAZ", "points       30,000 in 1 chunk", "gone.laz: no such"]
+        {
+            assert!(page.contains(part), "{part} is not in\n{page}");
+        }
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["files"][1]["points"], 30_000);
+        assert_eq!(json["all"]["cell"], all.cell);
+        assert!(json["all"]["scan"]["classes"][0]["name"].is_string());
+    }
+
+    #[test]
+    fn damage_is_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cut.laz");
+        town(&path, [0.0, 0.0], 60_000, true);
+        // Zeros in the middle of the first chunk's data.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let middle = bytes.len() / 3;
+        bytes[middle..middle + 4000].fill(0);
+        std::fs::write(&path, bytes).unwrap();
+        let report = report(&[&path], &["--scan"]);
+        let file = &report.files[0];
+        assert!(file.scan.as_ref().unwrap().points <= 60_000);
+        assert_eq!(file.is_damaged(), file.scan.as_ref().unwrap().points < 60_000);
+        assert_eq!(file.scan.as_ref().unwrap().damage.is_empty(), !file.is_damaged());
+        assert!(text::page(&report).contains("scanned"));
     }
 }

@@ -2,11 +2,12 @@
 
 use super::{Outcome, UsageError};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
-use crate::coords::Height;
-use crate::gpu::{Gpu, GpuOptions, Order};
-use crate::load::{self, LoadOptions, Loaded, Problems};
+use crate::coords::{Height, tidy};
+use crate::gpu::{Gpu, GpuError, GpuOptions, Order};
+use crate::load::{self, LoadError, LoadOptions, Loaded};
+use crate::problems::Problems;
 use crate::render::camera::{Bounds, Camera, DEFAULT_FOV, DEFAULT_ORBIT, Projection};
-use crate::render::frame::{Background, Renderer, Shade, Traversal, View};
+use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, View, check_size};
 use crate::render::image::{Format, Image, WorldFile, write_prj_beside};
 use crate::section::{Columns, Packed};
 use crate::source::crs::Unit;
@@ -17,12 +18,13 @@ use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use anyhow::Context;
 use glam::DVec3;
+use std::collections::HashSet;
 use std::ffi::OsString;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Arguments of `lasray render`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
 pub struct Args {
     /// Files, folders, @lists and patterns
     #[arg(required_unless_present = "demo", value_name = "INPUT")]
@@ -195,6 +197,9 @@ fn vector(text: &str) -> Result<DVec3, String> {
 
 fn orbit(text: &str) -> Result<Orbit, String> {
     match numbers(text)?[..] {
+        [_, elevation, ..] if elevation.abs() > 90.0 => {
+            Err(format!("elevation {elevation} is not within -90 (straight up) and 90 (straight down)"))
+        }
         [azimuth, elevation] => Ok(Orbit { angles: [azimuth, elevation], distance: None }),
         [azimuth, elevation, d] if d > 0.0 => Ok(Orbit { angles: [azimuth, elevation], distance: Some(d) }),
         [_, _, d] => Err(format!("distance {d} is not above 0")),
@@ -228,7 +233,13 @@ fn classes(text: &str) -> Result<ClassList, String> {
     let mut list = Vec::new();
     for part in text.split(',') {
         match part.split_once('-') {
-            Some((lo, hi)) => list.extend(class(lo)?..=class(hi)?),
+            Some((lo, hi)) => {
+                let (lo, hi) = (class(lo)?, class(hi)?);
+                if lo > hi {
+                    return Err(format!("classes {lo}-{hi}: {lo} is above {hi}"));
+                }
+                list.extend(lo..=hi);
+            }
             None => list.push(class(part)?),
         }
     }
@@ -255,6 +266,9 @@ fn bytes(text: &str) -> Result<u64, String> {
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let mut problems = Problems::default();
     check_output(&args.output, args.each)?;
+    if let (Some(eye), Some(target)) = (args.eye, args.target) {
+        Camera::look_at(eye, target, Projection::default()).map_err(|e| UsageError(e.to_string()))?;
+    }
     let options = LoadOptions {
         cell: args.cell.0,
         placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() },
@@ -262,57 +276,85 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         budget: Budget { host_bytes: args.host_memory, device_bytes: args.device_memory },
         quiet: args.quiet,
     };
-    let gpu = Gpu::new(&GpuOptions { device: args.device, validate: args.validate, ..Default::default() })?;
+    let gpu = Gpu::new(&GpuOptions { device: args.device, validate: args.validate, ..Default::default() })
+        .map_err(|e| match e {
+            GpuError::NoSuchDevice { .. } => UsageError(e.to_string()).into(),
+            e => anyhow::Error::from(e),
+        })?;
+    if let Some(size) = args.size {
+        check_size(&gpu, Access::Address, size).map_err(|e| UsageError(e.to_string()))?;
+    }
 
-    let mut drawn = 0;
     if args.each {
-        let found = inputs::expand(&args.inputs);
-        problems.errors.extend(found.failed.iter().map(ToString::to_string));
-        let mut taken = std::collections::HashSet::new();
-        for path in &found.files {
-            let output = each_output(&args.output, path);
-            if !taken.insert(output.clone()) {
-                let why = format!("{}: another input's picture is {} too", path.display(), output.display());
-                problems.errors.push(why);
-                continue;
-            }
-            let one = load::paths(std::slice::from_ref(path), &options, &mut problems);
-            match one.map_err(anyhow::Error::from).and_then(|l| picture(&gpu, l, &args, &output)) {
-                Ok(()) => drawn += 1,
-                Err(error) if error.is::<UsageError>() => return Err(error),
-                Err(error) => problems.errors.push(format!("{}: {error}", path.display())),
-            }
-            report(&mut problems);
-        }
-        report(&mut problems);
-        anyhow::ensure!(drawn > 0, "nothing could be drawn");
+        let drawn = each(&gpu, &args, &options, &mut problems);
+        finish(&mut problems, &args);
+        drawn?;
     } else {
         let loaded = if args.demo {
             load::demo(&options, &mut problems)
         } else {
             load::files(&args.inputs, &options, &mut problems)
         };
-        report(&mut problems);
-        let loaded = loaded.map_err(|e| match e {
-            load::LoadError::TooFine { .. } => anyhow::Error::new(UsageError(e.to_string())),
-            e => e.into(),
-        })?;
-        picture(&gpu, loaded, &args, &args.output)?;
+        finish(&mut problems, &args);
+        picture(&gpu, loaded.map_err(usage_of_load)?, &args, &args.output)?;
     }
     anyhow::ensure!(gpu.messages().is_empty() || !args.validate, "the validation layers reported errors");
     Ok(if args.strict && problems.failed { Outcome::Incomplete } else { Outcome::Done })
 }
 
-/// Prints what has come up so far.
-fn report(problems: &mut Problems) {
-    problems.failed |= !problems.errors.is_empty();
-    let mut err = std::io::stderr().lock();
-    // A closed stderr is nothing to stop for.
-    for line in problems.warnings.drain(..) {
-        let _ = writeln!(err, "warning: {line}");
+/// One picture a file. What is wrong with one of them does not stop the others.
+fn each(gpu: &Gpu, args: &Args, options: &LoadOptions, problems: &mut Problems) -> anyhow::Result<()> {
+    let found = inputs::expand(&args.inputs);
+    found.failed.iter().for_each(|error| problems.error(error));
+    let mut taken = HashSet::new();
+    let (mut drawn, mut usage) = (false, None);
+    for path in &found.files {
+        let output = each_output(&args.output, path);
+        if !taken.insert(one_name(&output)) {
+            let (path, output) = (path.display(), output.display());
+            problems.error(format!("{path}: not drawn into {output}: another input has that name"));
+            continue;
+        }
+        let said = problems.said();
+        let loaded = load::paths(std::slice::from_ref(path), options, problems).map_err(usage_of_load);
+        match loaded.and_then(|loaded| picture(gpu, loaded, args, &output)) {
+            Ok(()) => drawn = true,
+            // Why nothing is left has been said.
+            Err(error) if error.is::<LoadError>() && problems.said() > said => problems.failed = true,
+            Err(error) => {
+                problems.error(format!("{}: {error}", path.display()));
+                usage = usage.or(error.downcast::<UsageError>().ok());
+            }
+        }
+        // A closed stderr is nothing to stop for.
+        let _ = problems.print(!args.quiet, &mut std::io::stderr().lock());
     }
-    for line in problems.errors.drain(..) {
-        let _ = writeln!(err, "error: {line}");
+    match usage {
+        _ if drawn => Ok(()),
+        Some(usage) => Err(usage.into()),
+        None => anyhow::bail!("nothing could be drawn"),
+    }
+}
+
+/// A cell size that is too small is a wrong argument.
+fn usage_of_load(error: LoadError) -> anyhow::Error {
+    match error {
+        LoadError::TooFine { .. } => UsageError(error.to_string()).into(),
+        error => error.into(),
+    }
+}
+
+/// Prints what has come up.
+fn finish(problems: &mut Problems, args: &Args) {
+    let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
+}
+
+/// The same for two paths that most file systems take for one.
+fn one_name(path: &Path) -> PathBuf {
+    if cfg!(any(windows, target_os = "macos")) {
+        PathBuf::from(path.to_string_lossy().to_lowercase())
+    } else {
+        path.to_owned()
     }
 }
 
@@ -335,10 +377,17 @@ fn check_output(output: &Path, each: bool) -> anyhow::Result<()> {
         Some(p) if p.to_string_lossy().contains("{stem}") => return Ok(()),
         _ => Path::new("."),
     };
-    anyhow::ensure!(!output.is_dir(), "{}: cannot be written: it is a folder", output.display());
-    tempfile::tempfile_in(folder)
-        .map(drop)
-        .map_err(|e| anyhow::anyhow!("{}: cannot be written: {}: {e}", output.display(), folder.display()))
+    let wrong = if output.is_dir() {
+        "it is a folder".to_owned()
+    } else if !folder.exists() {
+        format!("the folder {} does not exist", folder.display())
+    } else {
+        match tempfile::tempfile_in(folder) {
+            Ok(_) => return Ok(()),
+            Err(error) => format!("{}: {error}", folder.display()),
+        }
+    };
+    anyhow::bail!("{}: cannot be written: {wrong}", output.display())
 }
 
 fn visibility(args: &Args) -> Visibility {
@@ -431,7 +480,10 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
     };
     let anchor = Height::from_units(bounds.center().z).context("heights are beyond what can be drawn")?;
     let mut renderer = Renderer::new(&scene, grid, anchor)?;
-    let image = renderer.draw(&mut scene, &view)?;
+    let image = renderer.draw(&mut scene, &view).map_err(|error| match error {
+        FrameError::Size { .. } | FrameError::Camera(_) => UsageError(error.to_string()).into(),
+        error => anyhow::Error::from(error),
+    })?;
     write(&image, &view, output)?;
     if let Some(world) = args.ortho.and_then(|_| WorldFile::of(&camera.basis(size).ok()?)) {
         world.write_beside(output)?;
@@ -440,14 +492,17 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
         }
     }
     if !args.quiet {
-        let unit = unit.as_ref().map_or("units", |u| u.symbol());
-        let by = mode.name();
+        let cell = tidy(grid.cell());
+        let unit = unit.as_ref().map_or(if cell == "1" { "unit" } else { "units" }, |u| u.symbol());
+        let plural = |n: u64, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
         eprintln!(
-            "{}: {}x{} pixels, {points} points in {count} sections of {} {unit} cells, coloured by {by}",
+            "{}: {}x{} pixels, {} in {}, cells of {cell} {unit}, coloured by {}",
             output.display(),
             size[0],
             size[1],
-            grid.cell()
+            plural(points, "point"),
+            plural(count as u64, "section"),
+            mode.name()
         );
     }
     Ok(())

@@ -182,7 +182,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let plan = Plan::new(&args)?;
     if let Some(folder) = &plan.folder {
         std::fs::create_dir_all(folder)
-            .with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+            .map_err(|e| anyhow::anyhow!("{}: cannot make the folder: {e}", folder.display()))?;
     }
     static STOP: AtomicBool = AtomicBool::new(false);
     ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")?;

@@ -4,7 +4,9 @@ use super::camera::{Bounds, Camera, CameraError, RayBasis};
 use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
 use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height};
-use crate::gpu::{Binding, Buffer, BufferCopy, ComputePipeline, GpuError, MemoryKind, SyncPoint, shaders};
+use crate::gpu::{
+    Binding, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, SyncPoint, shaders,
+};
 use crate::stream::pool::Access;
 use crate::stream::scene::Scene;
 use crate::stream::table::{Entry, Table};
@@ -77,16 +79,14 @@ pub enum FrameError {
     #[error(transparent)]
     Camera(#[from] CameraError),
     /// More pixels than the device can write at once.
-    #[error("{width}x{height} pixels need {bytes} bytes in one buffer, the device's limit is {limit}")]
+    #[error("a picture of {width}x{height} pixels is too large for the device: its limit is {limit}")]
     Size {
         /// Pixels across.
         width: u32,
         /// Pixels down.
         height: u32,
-        /// Needed.
-        bytes: u64,
-        /// The device's.
-        limit: u64,
+        /// The device's, in words.
+        limit: String,
     },
 }
 
@@ -199,6 +199,28 @@ fn fixed3(a: DVec3, b: DVec3) -> ([i32; 3], [u32; 3]) {
     (sum.map(|bits| (bits >> 32) as i32), sum.map(|bits| bits as u32))
 }
 
+/// Bytes that each plane of a picture of `size` takes; an error where the device cannot draw so many pixels.
+pub fn check_size(gpu: &Gpu, access: Access, size: [u32; 2]) -> Result<u64, FrameError> {
+    let limits = gpu.limits();
+    let too_large = |limit| FrameError::Size { width: size[0], height: size[1], limit };
+    for (pixels, (group, groups)) in size.into_iter().zip(GROUP.into_iter().zip(limits.workgroups)) {
+        if pixels.div_ceil(group) > groups {
+            return Err(too_large(format!("{} pixels a side", u64::from(group) * u64::from(groups))));
+        }
+    }
+    let buffer = match access {
+        Access::Address => limits.buffer_bytes.min(limits.allocation_bytes),
+        Access::StorageBuffer => limits.storage_buffer_range,
+    };
+    // Hits and colours lie in device memory at the same time.
+    let most = buffer.min(gpu.info().memory_bytes / 2) / BYTES_PER_PIXEL;
+    let pixels = u64::from(size[0]) * u64::from(size[1]);
+    if pixels > most {
+        return Err(too_large(format!("{most} pixels in all")));
+    }
+    Ok(pixels * BYTES_PER_PIXEL)
+}
+
 impl Renderer {
     /// For scenes on `grid`, with heights counted from `anchor` on the device.
     pub fn new(scene: &Scene, grid: Grid, anchor: Height) -> Result<Renderer, GpuError> {
@@ -244,17 +266,7 @@ impl Renderer {
 
     fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2]) -> Result<(), FrameError> {
         let gpu = scene.gpu();
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let bytes = pixels * BYTES_PER_PIXEL;
-        let limit = match self.access {
-            Access::Address => gpu.limits().buffer_bytes.min(gpu.limits().allocation_bytes),
-            Access::StorageBuffer => gpu.limits().storage_buffer_range,
-        };
-        let groups = [size[0].div_ceil(GROUP[0]), size[1].div_ceil(GROUP[1])];
-        let allowed = gpu.limits().workgroups;
-        if bytes > limit || groups[0] > allowed[0] || groups[1] > allowed[1] {
-            return Err(FrameError::Size { width: size[0], height: size[1], bytes, limit });
-        }
+        let bytes = check_size(gpu, self.access, size)?;
         if self.target.as_ref().is_none_or(|t| t.size != size) {
             self.target = None;
             self.target = Some(Target {

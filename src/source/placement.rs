@@ -101,7 +101,7 @@ pub enum PlacementNote {
         world: String,
     },
     /// No coordinate system, while others have one.
-    #[error("{files} files name no coordinate system: {world} is assumed, as in the others")]
+    #[error("{world} is assumed for {} that {} no coordinate system", count(*files), if *files == 1 { "names" } else { "name" })]
     Assumed {
         /// How many.
         files: usize,
@@ -135,7 +135,7 @@ pub enum PlacementNote {
         radius_km: f64,
     },
     /// Heights in another unit than E and N.
-    #[error("heights of {files} files are in {from}, shown in {to}", from = from.name, to = to.name)]
+    #[error("heights are in {from}, shown in {to} ({})", count(*files), from = from.name, to = to.name)]
     HeightUnit {
         /// In the files.
         from: Unit,
@@ -144,6 +144,10 @@ pub enum PlacementNote {
         /// How many files.
         files: usize,
     },
+}
+
+fn count(files: usize) -> String {
+    if files == 1 { "1 file".into() } else { format!("{files} files") }
 }
 
 impl PlacementNote {
@@ -180,9 +184,9 @@ impl World {
             (Some(majority), None) => matches!(majority.kind, CrsKind::Projected | CrsKind::Unknown),
             (None, crs) => crs.is_none(),
         };
-        let name = |crs: Option<&Crs>| crs.map_or("not named".to_owned(), |crs| crs.name.clone());
+        let name = |crs: Option<&Crs>| crs.map_or("none that is named".to_owned(), |crs| crs.name.clone());
         for (index, file) in files.iter().enumerate() {
-            if !is_member(file) {
+            if !is_member(file) && file.points > 0 {
                 let (found, world_name) = (name(file.crs), name(majority));
                 world.notes.push(PlacementNote::LeftOut { file: index, found, world: world_name });
             }
@@ -247,7 +251,7 @@ fn up_factor(z: &Unit, horizontal: &Unit) -> f64 {
 /// that name none are no vote, unless the others' coordinates are angles.
 fn majority<'a>(files: &[FileFacts<'a>]) -> Option<&'a Crs> {
     let mut groups: Vec<(&Crs, usize, u64)> = Vec::new();
-    for file in files {
+    for file in files.iter().filter(|file| file.points > 0) {
         let Some(crs) = file.crs else { continue };
         match groups.iter_mut().find(|group| group.0.same_horizontal(crs)) {
             Some(group) => {
@@ -258,7 +262,7 @@ fn majority<'a>(files: &[FileFacts<'a>]) -> Option<&'a Crs> {
         }
     }
     let best = groups.into_iter().max_by(|a, b| (a.1, a.2, &b.0.name).cmp(&(b.1, b.2, &a.0.name)))?;
-    let unnamed = files.iter().filter(|file| file.crs.is_none()).count();
+    let unnamed = files.iter().filter(|file| file.crs.is_none() && file.points > 0).count();
     let angles = matches!(best.0.kind, CrsKind::Geographic | CrsKind::Geocentric);
     (!angles || best.1 >= unnamed).then_some(best.0)
 }

@@ -18,6 +18,10 @@ const MOST_COARSENINGS: u32 = 16;
 /// Sections far outside the rest that are still drawn; when there are more, all of them are noise.
 const MOST_STRAYS: usize = 32;
 
+/// Most sections that are touched between two looks at the budget. A block of scattered points may lie in as many
+/// sections as it has points.
+const PIECE_SECTIONS: usize = 1024;
+
 /// What bounds the sections' memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Budget {
@@ -115,6 +119,17 @@ impl Bins {
             || self.device_bytes.load(Ordering::Relaxed) > self.budget.device_bytes
     }
 
+    /// Doubles the cell size until the sections fit, unless that is happening elsewhere.
+    fn fit(&self) {
+        while self.over_budget() {
+            let coarsen = self.read_grid().coarsen;
+            if coarsen == MOST_COARSENINGS {
+                return;
+            }
+            self.coarsen(coarsen);
+        }
+    }
+
     /// Doubles the cell size if that has not happened since `coarsen` was seen and is still needed.
     fn coarsen(&self, coarsen: u32) {
         let mut grid = self.grid.write().unwrap_or_else(PoisonError::into_inner);
@@ -148,12 +163,9 @@ impl Bins {
     /// Ends the gathering; what it gives is the same whatever the order in which points came.
     /// `None` when even the coarsest cells do not fit the budget.
     pub fn finish(self) -> Option<Binned> {
-        while self.over_budget() {
-            let coarsen = self.read_grid().coarsen;
-            if coarsen == MOST_COARSENINGS {
-                return None;
-            }
-            self.coarsen(coarsen);
+        self.fit();
+        if self.over_budget() {
+            return None;
         }
         let sections = self.sections.into_inner().unwrap_or_else(PoisonError::into_inner);
         let mut sections: Vec<_> = sections
@@ -205,8 +217,17 @@ pub struct Binner {
 impl Binner {
     /// Puts the points of `block` into their columns. O(points).
     pub fn bin(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
+        let mut first = 0;
+        while first < block.len() {
+            first = self.bin_piece(bins, meaning, block, first);
+            bins.fit();
+        }
+    }
+
+    /// Bins points from `first` on, as many as lie in [`PIECE_SECTIONS`]; gives the next one.
+    fn bin_piece(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock, first: usize) -> usize {
         let grid = bins.read_grid();
-        self.place(&grid, bins, meaning, block);
+        let next = self.place(&grid, bins, meaning, block, first);
         self.group();
 
         let side = SECTION_SIDE - 1;
@@ -255,22 +276,29 @@ impl Binner {
 
         bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
         bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);
-        let coarsen = grid.coarsen;
-        drop(grid);
-        if bins.over_budget() {
-            bins.coarsen(coarsen);
-        }
+        next
     }
 
-    /// Section, column and record of every point that has a cell and a height.
-    fn place(&mut self, grid: &Grid, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
+    /// Section, column and record of every point from `first` on that has a cell and a height, until there are
+    /// [`PIECE_SECTIONS`]; gives the next point.
+    fn place(
+        &mut self,
+        grid: &Grid,
+        bins: &Bins,
+        meaning: &impl Meaning,
+        block: &PointBlock,
+        first: usize,
+    ) -> usize {
         self.placed.clear();
         self.keys.clear();
         self.index_of.clear();
         let mut outside = 0;
         // Consecutive points are nearly always in the same section.
         let mut last = (SectionKey { level: u8::MAX, i: 0, j: 0 }, 0);
-        for i in 0..block.len() {
+        let mut next = first;
+        while next < block.len() && self.keys.len() < PIECE_SECTIONS {
+            let i = next;
+            next += 1;
             let at = meaning.world(block, i);
             let (Some(CellIndex { i: ci, j: cj }), Some(height)) =
                 (grid.cell_of(at.x, at.y), Height::from_units(at.z))
@@ -304,6 +332,7 @@ impl Binner {
         if outside > 0 {
             bins.outside.fetch_add(outside, Ordering::Relaxed);
         }
+        next
     }
 
     /// Sorts the points by section: a counting sort, order within a section kept.
@@ -402,7 +431,7 @@ mod tests {
         assert_eq!(words(&one), words(&two));
         assert_eq!(
             one.sections.iter().map(|(_, c)| c.points()).sum::<u64>(),
-            blocks.iter().map(|b| b.len() as u64).sum()
+            blocks.iter().map(|b| b.len() as u64).sum::<u64>()
         );
     }
 

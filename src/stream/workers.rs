@@ -73,8 +73,8 @@ pub fn read_all(inputs: &[Input], bins: &Bins, threads: usize, progress: &Progre
                             progress.points.fetch_add(block.len() as u64, Ordering::Relaxed);
                         });
                         if let Err(error) = result {
-                            // A file that vanished or a disk that fails is named once, not once a chunk.
-                            let lost = matches!(error, SourceError::Io { .. });
+                            // A file that vanished or changed, or a disk that fails, is named once, not once a chunk.
+                            let lost = matches!(error, SourceError::Io { .. } | SourceError::Changed { .. });
                             if !lost || !gone[input].swap(true, Ordering::Relaxed) {
                                 let mut errors = errors.lock().unwrap_or_else(|e| e.into_inner());
                                 errors.push((input, chunk.index, error));

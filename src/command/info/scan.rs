@@ -166,27 +166,26 @@ pub fn every_file(files: &[Opened], quiet: bool) -> Vec<Scan> {
     let style =
         ProgressStyle::with_template("scanning {bar:30} {human_pos} of {human_len} points, {per_sec}");
     bar.set_style(style.expect("the template is valid"));
-    let scans: Vec<Mutex<(Scan, Vec<(u64, String)>)>> = files.iter().map(|_| Mutex::default()).collect();
-    parallel(chunks.len(), |decoder, index| {
+    let scans: Vec<Mutex<Scan>> = files.iter().map(|_| Mutex::default()).collect();
+    let damage = parallel(chunks.len(), |decoder, index| {
         let (at, chunk) = chunks[index];
         let file = &files[at].file;
         let chunk = &file.chunks[chunk];
         let mut scan = Scan::default();
         let read = decoder.decode(file, chunk, 0..chunk.records, &mut |block| scan.add(file, block));
         bar.inc(chunk.records);
-        let mut sum = scans[at].lock().unwrap_or_else(PoisonError::into_inner);
-        sum.0.merge(&scan);
-        sum.1.extend(read.err().map(|error| (chunk.index, error.to_string())));
+        scans[at].lock().unwrap_or_else(PoisonError::into_inner).merge(&scan);
         if chunk.index + 1 == file.chunks.len() as u64 {
-            // Others may still read it, and open it again: what counts is that handles do not pile up.
+            // Another thread may open it once more: handles must not pile up, that is all.
             file.bytes.release();
         }
+        read.err().map(|error| error.to_string())
     });
     bar.finish_and_clear();
-    let finish = |(mut scan, mut damage): (Scan, Vec<(u64, String)>)| {
-        damage.sort_unstable();
-        scan.damage = damage.into_iter().map(|(_, reason)| reason).collect();
-        scan
-    };
-    scans.into_iter().map(|scan| finish(scan.into_inner().unwrap_or_else(PoisonError::into_inner))).collect()
+    let mut scans: Vec<Scan> =
+        scans.into_iter().map(|scan| scan.into_inner().unwrap_or_else(PoisonError::into_inner)).collect();
+    for ((file, _), damage) in chunks.into_iter().zip(damage) {
+        scans[file].damage.extend(damage);
+    }
+    scans
 }

@@ -8,48 +8,44 @@ use std::fmt::Write;
 
 /// More files than this stand in a table, one a line.
 const BLOCKS: usize = 3;
+/// Width of the names on the left.
+const NAMES: usize = 11;
 
 /// The whole page.
 pub fn page(report: &Report) -> String {
-    let mut page = String::new();
-    if let [file] = &report.files[..] {
-        let mut rows = file_rows(file);
-        let warnings = rows.split_off(rows.len() - file.warnings.len());
-        rows.extend(drawing_rows(&report.all));
-        rows.extend(warnings);
-        rows.extend(report.all.notes.iter().map(|note| row("note", note.clone())));
-        rows.extend(
-            file.scan
-                .as_ref()
-                .map(|scan| scan_rows(scan, file.decimals, symbol(file.crs.as_ref())))
-                .into_iter()
-                .flatten(),
-        );
-        block(&mut page, &file.path, &rows);
+    let (mut page, files, all) = (String::new(), &report.files, &report.all);
+    if files.len() > BLOCKS {
+        table(&mut page, files);
     } else {
-        if report.files.len() <= BLOCKS {
-            report.files.iter().for_each(|file| {
-                let mut rows = file_rows(file);
-                rows.extend(
-                    file.scan
-                        .as_ref()
-                        .map(|scan| scan_rows(scan, file.decimals, symbol(file.crs.as_ref())))
-                        .into_iter()
-                        .flatten(),
-                );
-                block(&mut page, &file.path, &rows);
-                page.push('\n');
-            });
-        } else {
-            table(&mut page, &report.files);
+        for file in files {
+            let mut rows = file_rows(file);
+            match files.len() {
+                1 => rows.extend(drawing_rows(all)),
+                _ => rows.extend(file.density.map(|density| {
+                    row(
+                        "density",
+                        format!("{} points per {}", significant(density), square(all.unit.as_ref())),
+                    )
+                })),
+            }
+            rows.extend(file.left_out.then(|| row("drawn", "no".into())));
+            rows.extend(file.warnings.iter().map(|warning| row("warning", warning.clone())));
+            if let Some(scan) = &file.scan {
+                rows.extend(scan_rows(scan, file.decimals, units(file.crs.as_ref())));
+            }
+            block(&mut page, &file.path, &rows);
         }
-        if !report.files.is_empty() {
-            let title = match report.all.files == report.files.len() {
-                true => format!("all {} files", number(report.all.files as u64)),
-                false => format!("{} of {} files", number(report.all.files as u64), report.files.len()),
-            };
-            block(&mut page, &title, &total_rows(&report.all));
-        }
+    }
+    if let [_] = files[..] {
+        let notes: Vec<Row> = all.notes.iter().map(|note| row("note", note.clone())).collect();
+        rows(&mut page, &notes);
+    } else if !files.is_empty() {
+        let title = match all.files == files.len() {
+            true => format!("all {}", count(all.files, "file")),
+            false => format!("{} of {}", number(all.files as u64), count(files.len(), "file")),
+        };
+        page.push('\n');
+        block(&mut page, &title, &total_rows(all));
     }
     for failed in &report.failed {
         let _ = writeln!(page, "failed: {failed}");
@@ -67,29 +63,19 @@ fn file_rows(file: &FileReport) -> Vec<Row> {
     let compressed = if file.kind == "LAS" { String::new() } else { format!(", {}", file.kind) };
     let mut rows = vec![
         row("format", format!("LAS {}, point format {}{compressed}", file.version, file.point_format)),
-        row("points", format!("{} in {} chunks", number(file.points), number(file.chunks as u64))),
+        row("points", format!("{} in {}", number(file.points), count(file.chunks, "chunk"))),
     ];
-    let unit = symbol(file.crs.as_ref());
     match file.bounds {
-        Some(bounds) => {
-            rows.extend(bounds_rows(&bounds, file.decimals, [unit, unit, up_symbol(file.crs.as_ref())]))
-        }
+        Some(bounds) => rows.extend(bounds_rows(&bounds, file.decimals, units(file.crs.as_ref()))),
         None => rows.push(row("bounds", "none in the header".into())),
     }
     rows.push(row("system", system(file.crs.as_ref())));
-    if let Some(density) = file.density {
-        rows.push(row("density", format!("{} points per square unit of its bounds", significant(density))));
-    }
     let colour = match file.rgb {
         "absent" => "none in this point format",
         "none" => "none: RGB is the same everywhere",
         depth => depth,
     };
     rows.push(row("colour", colour.into()));
-    if file.left_out {
-        rows.push(row("drawn", "no".into()));
-    }
-    rows.extend(file.warnings.iter().map(|warning| row("warning", warning.clone())));
     rows
 }
 
@@ -102,7 +88,7 @@ fn total_rows(all: &Total) -> Vec<Row> {
     rows.push(row("system", system(all.crs.as_ref())));
     rows.extend(drawing_rows(all));
     rows.extend(all.notes.iter().map(|note| row("note", note.clone())));
-    rows.extend(all.scan.as_ref().map(|scan| scan_rows(scan, all.decimals, unit)).into_iter().flatten());
+    rows.extend(all.scan.as_ref().map(|scan| scan_rows(scan, all.decimals, [unit; 3])).into_iter().flatten());
     rows
 }
 
@@ -111,14 +97,15 @@ fn drawing_rows(all: &Total) -> Vec<Row> {
     if all.points == 0 {
         return Vec::new();
     }
-    let unit = all.unit.as_ref().map_or("unit", Unit::symbol);
+    let unit = all.unit.as_ref().map_or("units", Unit::symbol);
+    let square = square(all.unit.as_ref());
     let seen = if all.sampled >= all.points {
         String::new()
     } else {
         format!(", from {} points", number(all.sampled))
     };
     vec![
-        row("on the ground", format!("{} points per square {unit}{seen}", significant(all.density))),
+        row("density", format!("{} points per {square}{seen}", significant(all.density))),
         row(
             "cell size",
             format!("{} {unit}, {:.0} % of the cells hold a point", all.cell, 100.0 * all.coverage),
@@ -151,10 +138,10 @@ fn bounds_rows(bounds: &Box3, decimals: [usize; 3], units: [&str; 3]) -> Vec<Row
     vec![row("bounds", line(0)), row("", line(1)), row("", line(2))]
 }
 
-fn scan_rows(scan: &Scan, decimals: [usize; 3], unit: &str) -> Vec<Row> {
+fn scan_rows(scan: &Scan, decimals: [usize; 3], units: [&str; 3]) -> Vec<Row> {
     let mut rows = vec![row("scanned", format!("{} points", number(scan.points)))];
     if let Some(bounds) = &scan.bounds {
-        let mut bounds = bounds_rows(bounds, decimals, [unit; 3]);
+        let mut bounds = bounds_rows(bounds, decimals, units);
         bounds[0].0 = "true bounds";
         rows.extend(bounds);
     }
@@ -189,18 +176,22 @@ fn scan_rows(scan: &Scan, decimals: [usize; 3], unit: &str) -> Vec<Row> {
 }
 
 /// Names on the left, values on the right.
-fn block(page: &mut String, title: &str, rows: &[Row]) {
-    let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or_default();
+fn block(page: &mut String, title: &str, content: &[Row]) {
     let _ = writeln!(page, "{title}");
-    for (name, value) in rows {
-        let _ = writeln!(page, "  {name:width$}  {}", value.trim_end());
+    rows(page, content);
+}
+
+fn rows(page: &mut String, content: &[Row]) {
+    for (name, value) in content {
+        let _ = writeln!(page, "  {name:NAMES$}  {}", value.trim_end());
     }
 }
 
 /// One line a file; what differs from file to file.
 fn table(page: &mut String, files: &[FileReport]) {
-    const HEAD: [&str; 10] = ["LAS", "format", "", "points", "E from", "to", "N from", "to", "U from", "to"];
-    let cells = |file: &FileReport| -> [String; 10] {
+    const HEAD: [&str; 11] =
+        ["LAS", "format", "", "points", "density", "E from", "to", "N from", "to", "U from", "to"];
+    let cells = |file: &FileReport| -> [String; 11] {
         let at = |corner: fn(&Box3) -> &[f64; 3], axis: usize| {
             file.bounds
                 .as_ref()
@@ -211,6 +202,7 @@ fn table(page: &mut String, files: &[FileReport]) {
             file.point_format.to_string(),
             file.kind.into(),
             number(file.points),
+            file.density.map_or("-".into(), significant),
             at(|b| &b.min, 0),
             at(|b| &b.max, 0),
             at(|b| &b.min, 1),
@@ -219,11 +211,11 @@ fn table(page: &mut String, files: &[FileReport]) {
             at(|b| &b.max, 2),
         ]
     };
-    let rows: Vec<[String; 10]> = files.iter().map(cells).collect();
-    let widths: [usize; 10] = std::array::from_fn(|column| {
+    let rows: Vec<[String; 11]> = files.iter().map(cells).collect();
+    let widths: [usize; 11] = std::array::from_fn(|column| {
         rows.iter().map(|row| row[column].len()).max().unwrap_or_default().max(HEAD[column].len())
     });
-    let mut line = |cells: &[&str; 10], end: &str| {
+    let mut line = |cells: &[&str; 11], end: &str| {
         for (cell, width) in cells.iter().zip(widths) {
             let _ = write!(page, "{cell:>width$}  ");
         }
@@ -233,14 +225,13 @@ fn table(page: &mut String, files: &[FileReport]) {
     for (row, file) in rows.iter().zip(files) {
         line(&row.each_ref().map(String::as_str), &file.path);
         if file.left_out {
-            line(&[""; 10], "  left out");
+            line(&[""; 11], "  left out");
         }
         let damage = file.scan.iter().flat_map(|scan| &scan.damage);
         for warning in file.warnings.iter().chain(damage) {
-            line(&[""; 10], &format!("  {warning}"));
+            line(&[""; 11], &format!("  {warning}"));
         }
     }
-    page.push('\n');
 }
 
 fn system(crs: Option<&CrsReport>) -> String {
@@ -259,17 +250,24 @@ fn system(crs: Option<&CrsReport>) -> String {
     format!("{}{code}{kind}, in {}{heights}", crs.name, crs.unit.name)
 }
 
-fn symbol(crs: Option<&CrsReport>) -> &str {
-    crs.map_or("", |crs| crs.unit.symbol())
-}
-
-fn up_symbol(crs: Option<&CrsReport>) -> &str {
-    let Some(crs) = crs else { return "" };
-    match (&crs.vertical_unit, crs.kind) {
+/// Units of a file's E, N, U; empty where nothing names them.
+fn units(crs: Option<&CrsReport>) -> [&str; 3] {
+    let Some(crs) = crs else { return [""; 3] };
+    let up = match (&crs.vertical_unit, crs.kind) {
         (Some(unit), _) => unit.symbol(),
         (None, CrsKind::Geographic) => "",
         (None, _) => crs.unit.symbol(),
-    }
+    };
+    [crs.unit.symbol(), crs.unit.symbol(), up]
+}
+
+/// m², or words where nothing names the unit.
+fn square(unit: Option<&Unit>) -> String {
+    unit.map_or("square unit".into(), |unit| format!("{}²", unit.symbol()))
+}
+
+fn count(things: usize, name: &str) -> String {
+    format!("{} {name}{}", number(things as u64), if things == 1 { "" } else { "s" })
 }
 
 /// 1234567 → 1,234,567.
