@@ -52,6 +52,8 @@ pub struct Counters {
 #[derive(Clone, Copy, Debug)]
 enum State {
     Copying(SyncPoint),
+    /// The host has seen the copy reached; the build is recorded next.
+    Copied,
     Building(SyncPoint),
     Live,
 }
@@ -72,9 +74,9 @@ struct Resident {
 }
 
 impl Resident {
-    /// The newest version whose tops are built, or are in the build being recorded.
-    fn built(&self) -> Option<&Version> {
-        self.coming.as_ref().filter(|v| !matches!(v.state, State::Copying(_))).or(self.live.as_ref())
+    /// Versions whose tops are built, or are in the build being recorded, the newest first.
+    fn built(&self) -> impl Iterator<Item = &Version> {
+        self.coming.iter().filter(|v| !matches!(v.state, State::Copying(_))).chain(&self.live)
     }
 }
 
@@ -111,9 +113,10 @@ pub struct Scene {
     passes: [ComputePipeline; 3],
     sections: HashMap<SectionKey, Resident>,
     freed: Vec<Freed>,
-    /// The latest work that used a slot which is free again: copies go after it.
-    reclaimed: Option<SyncPoint>,
-    last_frame: Option<SyncPoint>,
+    /// The latest work on each queue that used a slot which is free again: copies go after it.
+    reclaimed: Vec<SyncPoint>,
+    /// The latest build or frame: either may read any section that is live.
+    last_use: Option<SyncPoint>,
     visibility: Visibility,
     cell: f64,
     counters: Counters,
@@ -145,8 +148,8 @@ impl Scene {
             ],
             sections: HashMap::new(),
             freed: Vec::new(),
-            reclaimed: None,
-            last_frame: None,
+            reclaimed: Vec::new(),
+            last_use: None,
             visibility,
             cell,
             counters: Counters::default(),
@@ -175,7 +178,7 @@ impl Scene {
                 let oldest = self.ring.oldest().expect("a piece fits an empty ring");
                 self.order.wait(oldest)?;
             };
-            let mut commands = self.order.begin_copy("upload", self.reclaimed.as_slice())?;
+            let mut commands = self.order.begin_copy("upload", &self.reclaimed)?;
             let to = slot.offset() + (piece * (RING_BYTES as usize / 2)) as u64;
             let range = BufferCopy { from, to, size: part.len() as u64 };
             commands.copy(self.ring.buffer(), self.pool.buffer(&slot), &[range]);
@@ -211,7 +214,7 @@ impl Scene {
         if let State::Copying(point) | State::Building(point) = version.state {
             uses.push(point);
         }
-        uses.extend(self.last_frame);
+        uses.extend(self.last_use);
         self.freed.push(Freed { slot: version.slot, uses });
     }
 
@@ -224,7 +227,13 @@ impl Scene {
                 over &= self.order.reached(point)?;
             }
             if over {
-                self.reclaimed = freed.uses.last().copied().or(self.reclaimed);
+                for point in freed.uses {
+                    match self.reclaimed.iter_mut().find(|p| p.queue() == point.queue()) {
+                        Some(latest) if latest.value() >= point.value() => {}
+                        Some(latest) => *latest = point,
+                        None => self.reclaimed.push(point),
+                    }
+                }
                 self.pool.free(freed.slot);
             } else {
                 still.push(freed);
@@ -257,6 +266,10 @@ impl Scene {
         if !copied.is_empty() {
             let points: Vec<_> = copied.iter().map(|&(_, point)| point).collect();
             let keys: Vec<_> = copied.into_iter().map(|(key, _)| key).collect();
+            for key in &keys {
+                let coming = self.sections.get_mut(key).and_then(|r| r.coming.as_mut());
+                coming.expect("just seen").state = State::Copied;
+            }
             self.build(&keys, &points)?;
         }
         Ok(())
@@ -268,7 +281,7 @@ impl Scene {
             self.advance()?;
             let next = self.sections.values().filter_map(|r| match r.coming.as_ref()?.state {
                 State::Copying(point) | State::Building(point) => Some(point),
-                State::Live => None,
+                State::Copied | State::Live => None,
             });
             match next.max_by_key(|p| p.value()) {
                 Some(point) => self.order.wait(point)?,
@@ -281,8 +294,8 @@ impl Scene {
     pub fn show(&mut self, visibility: Visibility) -> Result<(), GpuError> {
         if visibility != self.visibility {
             self.visibility = visibility;
-            let keys: Vec<_> =
-                self.sections.iter().filter(|(_, r)| r.built().is_some()).map(|(&key, _)| key).collect();
+            let built = self.sections.iter().filter(|(_, r)| r.built().next().is_some());
+            let keys: Vec<_> = built.map(|(&key, _)| key).collect();
             if !keys.is_empty() {
                 self.build(&keys, &[])?;
             }
@@ -291,12 +304,14 @@ impl Scene {
     }
 
     /// Records and submits the derived passes: tops of `keys`, then bridges and pyramids of those and their
-    /// neighbours.
+    /// neighbours; of every version that may be live before the next build.
     fn build(&mut self, keys: &[SectionKey], copied: &[SyncPoint]) -> Result<(), GpuError> {
         let mut commands = self.order.begin_build("build", copied)?;
         let mut around = BTreeSet::new();
+        // What a section's columns are decides on its neighbours' bridges.
+        let reach = i32::from(self.visibility.bridge > 0);
         for &key in keys {
-            for (di, dj) in (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j))) {
+            for (di, dj) in (-reach..=reach).flat_map(|j| (-reach..=reach).map(move |i| (i, j))) {
                 let near =
                     SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
                 if self.sections.contains_key(&near) {
@@ -305,27 +320,27 @@ impl Scene {
             }
         }
         let fresh: BTreeSet<_> = keys.iter().copied().collect();
-        let newest = |key: &SectionKey| -> Option<&Version> {
-            let resident = self.sections.get(key)?;
-            if fresh.contains(key) {
-                resident.coming.as_ref().or(resident.live.as_ref())
-            } else {
-                resident.built()
-            }
-        };
-        let job = |key: &SectionKey| -> Option<Job> {
-            newest(key)?;
-            let mut near = [[0; 2]; 9];
-            for (n, place) in near.iter_mut().enumerate() {
+        let near = |key: &SectionKey| -> [[u32; 2]; 9] {
+            std::array::from_fn(|n| {
                 let (di, dj) = (n as i32 % 3 - 1, n as i32 / 3 - 1);
                 let key =
                     SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
-                *place = newest(&key).map_or([0; 2], |v| self.pool.place(&v.slot));
-            }
-            Some(Job { near })
+                let newest = self.sections.get(&key).and_then(|r| r.built().next());
+                newest.map_or([0; 2], |v| self.pool.place(&v.slot))
+            })
         };
-        let tops: Vec<_> = fresh.iter().filter_map(job).collect();
-        let all: Vec<_> = around.iter().filter_map(job).collect();
+        let jobs = |keys: &BTreeSet<SectionKey>| {
+            let mut jobs = Vec::new();
+            for key in keys {
+                for version in self.sections.get(key).into_iter().flat_map(Resident::built) {
+                    let mut job = Job { near: near(key) };
+                    job.near[4] = self.pool.place(&version.slot);
+                    jobs.push(job);
+                }
+            }
+            jobs
+        };
+        let (tops, all) = (jobs(&fresh), jobs(&around));
 
         let words = self.visibility.classes.0;
         let derive = Derive {
@@ -371,9 +386,12 @@ impl Scene {
         }
         self.counters.builds += all.len() as u64;
         let point = self.order.submit(commands)?;
+        self.last_use = Some(point);
         for key in fresh {
             // What follows on this queue comes after the build.
-            if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.coming.as_mut()) {
+            if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.coming.as_mut())
+                && !matches!(version.state, State::Copying(_))
+            {
                 version.state = State::Building(point);
             }
         }
@@ -415,7 +433,7 @@ impl Scene {
 
     /// Tells that a frame which could read every live section was submitted.
     pub fn drawn(&mut self, frame: SyncPoint) {
-        self.last_frame = Some(frame);
+        self.last_use = Some(frame);
     }
 
     /// The pool: its pages are kept by the commands that read them.
