@@ -180,7 +180,9 @@ fn streaming_shows_what_is_resident_on_every_driver_and_in_every_order() {
     for setup in setups {
         common::run(test, setup, |setup| {
             let story = Story::new();
-            for access in [Access::Address, Access::StorageBuffer] {
+            // Barriers within a workgroup are slow on SwiftShader.
+            let accesses = [Access::Address, Access::StorageBuffer].into_iter();
+            for access in accesses.take(if setup == SWIFTSHADER { 1 } else { 2 }) {
                 let gpu = setup.gpu();
                 assert_eq!(gpu.has_transfer_queue(), setup.two_queues.is_some());
                 assert_eq!(story.run(&gpu, access, None), [""; 0], "{access:?}");
