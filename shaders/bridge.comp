@@ -30,7 +30,7 @@ int measured(uint job, ivec2 column) {
     if (run == NO_RUN) return NONE;
     uint code = pool_load(place, HEADER_CODE);
     uint height = load_code(place, pool_load(place, HEADER_HEIGHTS), run, (code & 0x100u) != 0u);
-    return int(pool_load(place, HEADER_BASE)) + int(height << (code & 0xFFu));
+    return int(pool_load(place, HEADER_BASE)) + int(height);
 }
 
 int tile_at(ivec2 inner) { return tile[(inner.y + HALO) * TILE + inner.x + HALO]; }
@@ -88,13 +88,12 @@ void main() {
     }
 
     uint code_word = pool_load(place, HEADER_CODE);
-    uint shift = code_word & 0xFFu;
     bool wide = (code_word & 0x100u) != 0u;
     int base = int(pool_load(place, HEADER_BASE));
     uint code = 0u;
     if (height != NONE) {
         // A bridged height may lie outside what this section's code can say: it is held to its range.
-        code = uint(max(height - base, 1)) + (1u << shift) - 1u >> shift;
+        code = uint(max(height - base, 1));
         if (!wide) code = min(code, 0xFFFFu);
     }
     codes[lane] = code;

@@ -2,7 +2,8 @@
 // Needs pool.glsl.
 
 // The camera as the host gives it, ready for rays: origins are linear in the pixel and lie on a plane just
-// before the data; they are 32.32 fixed point, so that they are exact wherever the data is.
+// before the bulk of the data; they are 32.32 fixed point, so that they are exact wherever the data is. Rays
+// start behind that plane, at the eye: t is negative there.
 struct Frame {
     uvec2 table;      // place of the section table
     uvec2 hits;       // place of the hit records, 4 words a pixel
@@ -12,12 +13,13 @@ struct Frame {
     int top_level;    // log2 cells of the side of the table's coarsest nodes
     ivec2 low, high;  // what they cover, cells; high is exclusive
     uint width, height;
-    ivec3 origin_int; // origin at the image's top left corner: cells east, cells north, lattice steps up
+    ivec3 origin_int; // origin at the image's centre: cells east, cells north, lattice steps up
     uvec3 origin_fraction;
     ivec3 right_int; // per sixteenth of a pixel to the right
     uvec3 right_fraction;
     ivec3 down_int; // per sixteenth of a pixel down
     uvec3 down_fraction;
+    float depth;   // of the plane that origins lie on
     vec3 forward;  // direction through the image's centre, display space
     vec3 right;    // its change per sixteenth of a pixel to the right
     vec3 down;     // and down
@@ -36,7 +38,7 @@ struct Frame {
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).
 struct Node {
     ivec2 index;  // node index at its level
-    uint meta;    // level | USED | SECTION | wide << 10 | shift << 12 | detail level << 16
+    uint meta;    // level | USED | SECTION | wide << 10 | detail level << 16
     float top;    // highest thing below, lattice steps from the anchor, rounded up
     uvec2 place;  // of the section's payload
     int base;     // lattice height of code 0, from the anchor
@@ -109,13 +111,15 @@ struct Ray {
     vec3 fraction; // and what is left, 0..1
     vec3 step;     // direction: cells, cells, lattice steps in one world unit
     vec3 world;    // unit direction in display space
+    float start;   // t of the eye, 0 or less
 };
 
 // `integer:fraction` times n, 32.32 two's complement.
-void scaled(int integer, uint fraction, uint n, out int result_int, out uint result_fraction) {
+void scaled(int integer, uint fraction, int n, out int result_int, out uint result_fraction) {
     uint high;
-    umulExtended(fraction, n, high, result_fraction);
-    result_int = int(uint(integer) * n + high);
+    umulExtended(fraction, uint(n), high, result_fraction);
+    // uint(n) is 2^32 too much for a negative n.
+    result_int = int(uint(integer) * uint(n) + high - (n < 0 ? fraction : 0u));
 }
 
 void add(inout int integer, inout uint fraction, int other_int, uint other_fraction) {
@@ -127,21 +131,26 @@ void add(inout int integer, inout uint fraction, int other_int, uint other_fract
 // The ray through the point `at` of the image, sixteenths of a pixel from the top left corner.
 Ray ray_at(uvec2 at) {
     Ray ray;
+    // From the centre: what is symmetrical stays so, and a ray straight ahead is the camera's very own.
+    ivec2 from_centre = ivec2(at) - 8 * ivec2(FRAME.width, FRAME.height);
     for (int axis = 0; axis < 3; axis++) {
         int integer = FRAME.origin_int[axis];
         uint fraction = FRAME.origin_fraction[axis];
         int part_int;
         uint part_fraction;
-        scaled(FRAME.right_int[axis], FRAME.right_fraction[axis], at.x, part_int, part_fraction);
+        scaled(FRAME.right_int[axis], FRAME.right_fraction[axis], from_centre.x, part_int, part_fraction);
         add(integer, fraction, part_int, part_fraction);
-        scaled(FRAME.down_int[axis], FRAME.down_fraction[axis], at.y, part_int, part_fraction);
+        scaled(FRAME.down_int[axis], FRAME.down_fraction[axis], from_centre.y, part_int, part_fraction);
         add(integer, fraction, part_int, part_fraction);
+        // To 24 bits, which a float holds; to even, so that what is symmetrical stays so.
+        add(integer, fraction, 0, 127u + (fraction >> 8u & 1u));
         ray.cell[axis] = integer;
-        // Down to 24 bits before the conversion, so that it cannot round up to 1.
         ray.fraction[axis] = float(fraction >> 8u) * 5.9604644775390625e-8;
     }
-    vec2 from_centre = vec2(at) - 8.0 * vec2(FRAME.width, FRAME.height);
-    ray.world = normalize(FRAME.forward + from_centre.x * FRAME.right + from_centre.y * FRAME.down);
+    vec3 direction = FRAME.forward + float(from_centre.x) * FRAME.right + float(from_centre.y) * FRAME.down;
+    float unit = length(direction);
+    ray.world = direction / unit;
     ray.step = ray.world * FRAME.to_local;
+    ray.start = -FRAME.depth * unit;
     return ray;
 }

@@ -22,23 +22,24 @@ uvec4 trace(Ray ray) {
     ivec2 low = mix(FRAME.low, -FRAME.high, equal(mirror, ivec2(1)));
     ivec2 high = mix(FRAME.high, -FRAME.low, equal(mirror, ivec2(1)));
     uint face = FACE_INSIDE;
-    float t = 0.0;
+    float t = ray.start;
     float z0 = float(ray.cell.z) + ray.fraction.z;
 
-    // To the border of what there is.
-    vec2 ahead = max((vec2(low - cell) - fraction) * inverse, vec2(0.0));
-    int first = ahead.x >= ahead.y ? 0 : 1;
-    if (ahead[first] > FAR) return hit;
-    if (ahead[first] > 0.0) {
-        t = ahead[first];
-        int other = 1 - first;
-        float across = fma(t, direction[other], fraction[other]);
-        cell[first] = low[first];
-        fraction[first] = 0.0;
-        cell[other] = max(cell[other] + int(floor(across)), low[other]);
-        fraction[other] = across - floor(across);
-        face = (first == 0 ? FACE_WEST : FACE_SOUTH) + uint(mirror[first]);
+    // To the eye, or on to the border of what there is.
+    vec2 ahead = (vec2(low - cell) - fraction) * inverse;
+    for (int axis = 0; axis < 2; axis++) {
+        if (ahead[axis] <= t) continue;
+        t = ahead[axis];
+        face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(mirror[axis]);
     }
+    if (t > FAR) return hit;
+    vec2 at = fma(vec2(t), direction, fraction);
+    cell += ivec2(floor(at));
+    fraction = at - floor(at);
+    // Exactly on the border that was crossed, rounding or not.
+    bvec2 crossed = equal(ahead, vec2(t));
+    fraction = mix(fraction, vec2(0.0), crossed);
+    cell = max(mix(cell, low, crossed), low);
 
     const int top_level = int(SECTION_LOG2);
     int level = top_level;
@@ -46,7 +47,8 @@ uvec4 trace(Ray ray) {
         // 2a. Exit point: the nearer of the two borders, set exactly.
         ivec2 edge = (cell >> level) + 1;
         vec2 steps = (vec2((edge << level) - cell) - fraction) * inverse;
-        int axis = steps.x <= steps.y ? 0 : 1, other = 1 - axis;
+        // At a corner an eastward step comes first, a westward one last.
+        int axis = (mirror.x == 0 ? steps.x <= steps.y : steps.x < steps.y) ? 0 : 1, other = 1 - axis;
         float t_exit = t + steps[axis];
 
         // 2b. Intersection.
@@ -60,8 +62,10 @@ uvec4 trace(Ray ray) {
             uint meta = NODE[slot].meta;
             uint element = pyramid_offset(uint(level)) + node.y * (SECTION_SIDE >> level) + node.x;
             uint code = load_code(NODE[slot].place, NODE[slot].pyramid, element, (meta & NODE_WIDE) != 0u);
-            top = NODE[slot].base + int(code << (meta >> 12u & 0xFu));
+            top = NODE[slot].base + int(code);
             intersects = code != 0u && (ray.step.z >= 0.0 ? enter : leave) <= float(top);
+            // Not where the ray only touches a corner on the way from the south-west to the north-east or back.
+            intersects = intersects && (t_exit > t || mirror.x != mirror.y || face == FACE_INSIDE);
         }
 
         // 2c. Down a level, or the column itself.

@@ -6,7 +6,7 @@ const uint SECTION_SIDE = 1u << SECTION_LOG2;
 const uint NO_RUN = 0xFFFFFFFFu;
 
 // Words of the header.
-const uint HEADER_CODE = 2u;       // shift | wide << 8 | log2 side << 16
+const uint HEADER_CODE = 2u;       // wide << 8 | log2 side << 16
 const uint HEADER_BASE = 3u;       // lattice height of code 0
 const uint HEADER_BLOCKS = 5u;     // first run of each 8x8 block
 const uint HEADER_COUNTS = 6u;     // runs of each column, a byte each, block order

@@ -39,7 +39,7 @@ bool top_at(inout Here here, ivec2 column, out float top) {
     uint meta = NODE[here.slot].meta;
     uvec2 inner = uvec2(column) & (SECTION_SIDE - 1u);
     uint code = load_code(NODE[here.slot].place, NODE[here.slot].pyramid, inner.y * SECTION_SIDE + inner.x, (meta & NODE_WIDE) != 0u);
-    top = float(NODE[here.slot].base + int(code << (meta >> 12u & 0xFu)));
+    top = float(NODE[here.slot].base + int(code));
     return code != 0u;
 }
 
@@ -172,7 +172,7 @@ void main() {
             float bounce = 0.10 * (1.0 - 0.6 * normal.z);
             vec3 light = sunlight + skylight * 0.62 + bounce;
             // Photographs hold light already.
-            if (FRAME.color_source == 0u) light = mix(vec3(1.25), light, 0.7);
+            if (FRAME.color_source == 0u) light = mix(vec3(1.2), light, 0.8);
             color.rgb = albedo * light;
         }
     }

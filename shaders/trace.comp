@@ -4,7 +4,7 @@
 // A ray's place is the finest cell it is in and t. A node's far border gives t directly from the ray's origin
 // (never step by step), so no error builds up, and a node is passed over exactly when all its columns would be:
 // t and z(t) round monotonically. A column is solid from its top down; a ray hits where it first is at or
-// below a column's top inside that cell.
+// below a column's top inside that cell. Cells are half-open: a corner belongs to the cell north-east of it.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"
@@ -12,6 +12,9 @@
 #include "frame.glsl"
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
+
+// Inverse of a step that is none.
+const float STILL = 1e30;
 
 struct Walk {
     Ray ray;
@@ -33,17 +36,33 @@ float z_at(in Walk walk, float t) { return fma(t, walk.ray.step.z, float(walk.ra
 void exit_of(in Walk walk, int level, out float t, out int axis, out ivec2 border) {
     border = (walk.cell >> level) + walk.upward << level;
     vec2 ts = t_at(walk, border);
-    axis = ts.x <= ts.y ? 0 : 1;
+    // At a corner an eastward step comes first, a westward one last.
+    axis = (walk.upward.x != 0 ? ts.x <= ts.y : ts.x < ts.y) ? 0 : 1;
     t = max(ts[axis], walk.t);
+}
+
+// Whether the ray is in the node that it leaves at t, and does not only touch its corner on the way from the
+// south-west to the north-east or back.
+bool is_in(in Walk walk, float t) {
+    return t > walk.t || walk.upward.x != walk.upward.y || walk.face == FACE_INSIDE;
+}
+
+// Cells that the ray is in at t, which rounding may put a border off: whether it has crossed a border is
+// decided by the border's t alone, so that large steps lead where small ones do.
+ivec2 cells_at(in Walk walk, float t) {
+    ivec2 cell = walk.ray.cell.xy + ivec2(floor(fma(vec2(t), walk.ray.step.xy, walk.ray.fraction.xy)));
+    vec2 entered = t_at(walk, cell + 1 - walk.upward), left = t_at(walk, cell + walk.upward);
+    bool x_first = walk.upward.x != 0;
+    bvec2 behind = bvec2(x_first ? left.x <= t : left.x < t, x_first ? left.y < t : left.y <= t);
+    bvec2 before = bvec2(x_first ? entered.x > t : entered.x >= t, x_first ? entered.y >= t : entered.y > t);
+    return cell + (2 * walk.upward - 1) * (ivec2(behind) - ivec2(before));
 }
 
 // Goes to where the ray leaves the node of `level` through `border` of `axis`.
 void advance(inout Walk walk, int level, float t, int axis, ivec2 border) {
-    int other = 1 - axis;
     ivec2 low = walk.cell >> level << level;
-    walk.cell[axis] = border[axis] - 1 + walk.upward[axis];
-    int across = walk.ray.cell[other] + int(floor(fma(t, walk.ray.step[other], walk.ray.fraction[other])));
-    walk.cell[other] = clamp(across, low[other], low[other] + (1 << level) - 1);
+    ivec2 across = clamp(cells_at(walk, t), low, low + (1 << level) - 1);
+    walk.cell = axis == 0 ? ivec2(border.x - 1 + walk.upward.x, across.y) : ivec2(across.x, border.y - 1 + walk.upward.y);
     walk.face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(1 - walk.upward[axis]);
     walk.t = t;
 }
@@ -58,7 +77,6 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
     uint meta = NODE[slot].meta;
     int top_level = int(meta & 0xFFu), finest = int(meta >> 16u & 0xFFu);
     bool wide = (meta & NODE_WIDE) != 0u;
-    uint shift = meta >> 12u & 0xFu;
     uvec2 place = NODE[slot].place;
     uint pyramid = NODE[slot].pyramid;
     int base = NODE[slot].base;
@@ -76,9 +94,9 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
         uint side = SECTION_SIDE >> l;
         uvec2 node = uvec2(walk.cell >> level) & (side - 1u);
         uint code = load_code(place, pyramid, pyramid_offset(l) + node.y * side + node.x, wide);
-        int top = base + int(code << shift);
+        int top = base + int(code);
 
-        if (code != 0u && lowest <= float(top)) {
+        if (code != 0u && lowest <= float(top) && is_in(walk, t)) {
             if (level > finest) {
                 level--;
                 continue;
@@ -103,34 +121,32 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
     }
 }
 
-// Moves the walk's start to where its ray enters what the table covers; false if it never does.
+// Moves the walk on to where its ray is in what the table covers; false if it never is.
 bool enter(inout Walk walk) {
     ivec2 low = FRAME.low, high = FRAME.high;
     bvec2 eastward = equal(walk.upward, ivec2(1));
-    bvec2 outside = bvec2(any(bvec2(walk.cell.x < low.x, walk.cell.x >= high.x)), any(bvec2(walk.cell.y < low.y, walk.cell.y >= high.y)));
-    vec2 t_near = t_at(walk, mix(high, low, eastward)), t_far = t_at(walk, mix(low, high, eastward));
-    if (any(bvec2(outside.x && (t_near.x < 0.0 || t_near.x > FAR), outside.y && (t_near.y < 0.0 || t_near.y > FAR)))) return false;
-    vec2 t_in = mix(vec2(0.0), t_near, outside);
-    float t = max(t_in.x, t_in.y);
-    if (t >= min(t_far.x, t_far.y)) return false;
-    if (t > 0.0) {
-        ivec2 across = walk.ray.cell.xy + ivec2(floor(fma(vec2(t), walk.ray.step.xy, walk.ray.fraction.xy)));
-        ivec2 border = mix(high - 1, low, eastward);
-        bool through_x = t_in.x >= t_in.y;
-        walk.cell = clamp(mix(across, border, bvec2(through_x, !through_x)), low, high - 1);
-        walk.face = (through_x ? FACE_WEST : FACE_SOUTH) + uint(1 - (through_x ? walk.upward.x : walk.upward.y));
+    vec2 near = t_at(walk, mix(high, low, eastward)), far = t_at(walk, mix(low, high, eastward));
+    // A ray that runs along an axis is always or never between its borders.
+    bvec2 still = equal(walk.inverse, vec2(STILL));
+    vec2 between = mix(vec2(-1.0), vec2(1.0), bvec2(walk.cell.x >= low.x && walk.cell.x < high.x, walk.cell.y >= low.y && walk.cell.y < high.y));
+    near = mix(near, -STILL * between, still);
+    far = mix(far, STILL * between, still);
+    float t = max(near.x, near.y);
+    if (t > walk.t) {
+        walk.face = (near.x >= near.y ? FACE_WEST : FACE_SOUTH) + uint(1 - (near.x >= near.y ? walk.upward.x : walk.upward.y));
         walk.t = t;
     }
-    return true;
+    walk.cell = clamp(cells_at(walk, walk.t), low, high - 1);
+    return walk.t < min(far.x, far.y);
 }
 
 uvec4 trace(Ray ray) {
     Walk walk;
     walk.ray = ray;
-    walk.inverse = mix(1.0 / ray.step.xy, vec2(1e30), lessThan(abs(ray.step.xy), vec2(1e-20)));
+    walk.inverse = mix(1.0 / ray.step.xy, vec2(STILL), lessThan(abs(ray.step.xy), vec2(1e-20)));
     walk.upward = ivec2(greaterThanEqual(walk.inverse, vec2(0.0)));
     walk.cell = ray.cell.xy;
-    walk.t = 0.0;
+    walk.t = ray.start;
     walk.face = FACE_INSIDE;
 
     uvec4 hit = uvec4(0u, NO_NODE, 0u, 0u);

@@ -26,6 +26,8 @@ Examples:
 pub enum Command {
     /// Draw a picture: PNG for people, EXR with distances, heights and classes for programs
     Render(Box<command::render::Args>),
+    /// What is in the files, and how they would be drawn
+    Info(command::info::Args),
     /// Write the scan of a town that does not exist, with known geometry
     Synth(command::synth::Args),
 }

@@ -204,7 +204,7 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     let Some(bounds) = sample.bounds else {
         return Err(LoadError::Nothing("the inputs hold no points"));
     };
-    let bounds = Bounds { min: bounds.min, max: bounds.max };
+    let bounds = Bounds { min: bounds.min, max: bounds.max }.snapped();
     let cell = match options.cell {
         Some(cell) => cell,
         None => auto_cell(sample.cell.cell, &bounds)?,

@@ -3,8 +3,8 @@
 //! threads, or on how the files were named.
 //!
 //! Sets of up to 250,000 points are read whole. Of larger ones it reads the first point of (at most
-//! 65,536) chunks, and whole chunks at four places of the set, about 50,000 points each; of a COPC file the
-//! nodes over a few small windows instead. Where flight lines overlap, chunks of the other lines are read
+//! 65,536) chunks, the first 1,024 points of 64 chunks, and whole chunks at four places of the set, about
+//! 50,000 points each; of a COPC file the nodes over a few small windows instead. Where flight lines overlap, chunks of the other lines are read
 //! around each place, at most six. Files with RGB that this leaves with few points are read 256 points
 //! further.
 
@@ -41,6 +41,8 @@ pub struct Budget {
     pub window_points: u64,
     /// First points over all files.
     pub first_points: usize,
+    /// Chunks of which the first 1,024 points are read.
+    pub heads: u64,
 }
 
 impl Default for Budget {
@@ -51,6 +53,7 @@ impl Default for Budget {
             place_points: 50_000,
             window_points: 400_000,
             first_points: 65_536,
+            heads: 64,
         }
     }
 }
@@ -59,6 +62,10 @@ impl Default for Budget {
 const DECODER_BYTES: u64 = 256 << 20;
 /// A file with RGB and fewer sampled points than this is read a little further.
 const RGB_POINTS: usize = 256;
+/// Points spread over the set that one place of neighbouring points is worth.
+const PLACE_WORTH: f64 = 250.0;
+/// Likewise the head of a chunk.
+const HEAD_WORTH: f64 = 40.0;
 /// Most files that are read further.
 const RGB_FILES: usize = 512;
 
@@ -168,21 +175,29 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         false => places::chosen_places(files, &drawn, points, budget),
     };
     let seen = read_places(files, &places, &mut problems);
+    let heads = if whole { Vec::new() } else { places::heads(files, &drawn, points, budget) };
+    // A chunk that is broken from its start is reported when it is drawn.
+    let heads_seen = read_places(files, &heads, &mut Vec::new());
     // A set that is read whole has its first points among the others.
     let firsts = if whole { vec![Vec::new(); files.len()] } else { firsts };
     let rgb = rgb::decide(files, &rgb_of(files, &drawn, &firsts, &places, &seen, whole));
 
-    // First points and places each stand for the whole, so each has half of the weight.
-    let half = if whole { 1.0 } else { 0.5 };
+    // All three samples stand for the whole. Neighbours are alike, so a place, or the head of a chunk,
+    // tells as much as a few points that are spread out.
+    let spread_out: usize = drawn.iter().map(|&index| firsts[index].len()).sum();
+    let worth = [spread_out as f64, HEAD_WORTH * heads.len() as f64, PLACE_WORTH * places.len() as f64];
+    let share = worth.map(|part| points as f64 * part / worth.iter().sum::<f64>().max(1.0));
     let mut weighted: Vec<Vec<(&Seen, f64)>> = vec![Vec::new(); files.len()];
     for &index in &drawn {
-        let weight = half * files[index].file.points() as f64 / firsts[index].len().max(1) as f64;
+        let part = files[index].file.points() as f64 / points.max(1) as f64;
+        let weight = share[0] * part / firsts[index].len().max(1) as f64;
         weighted[index].extend(firsts[index].iter().map(|seen| (seen, weight)));
     }
-    let decoded: usize = seen.iter().map(Vec::len).sum();
-    let weight = half * points as f64 / decoded.max(1) as f64;
-    for (place, seen) in places.iter().zip(&seen) {
-        weighted[place.file].extend(seen.iter().map(|seen| (seen, weight)));
+    for (places, seen, share) in [(&heads, &heads_seen, share[1]), (&places, &seen, share[2])] {
+        let weight = share / seen.iter().map(Vec::len).sum::<usize>().max(1) as f64;
+        for (place, seen) in places.iter().zip(seen) {
+            weighted[place.file].extend(seen.iter().map(|seen| (seen, weight)));
+        }
     }
 
     // Where everything is noise, noise is what is measured.
@@ -236,7 +251,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         .collect();
     Sample {
         points,
-        sampled: (decoded + firsts.iter().map(Vec::len).sum::<usize>()) as u64,
+        sampled: weighted.iter().map(Vec::len).sum::<usize>() as u64,
         whole,
         cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
         attributes: summarise(&shown_points),
@@ -424,7 +439,7 @@ fn median(points: impl Iterator<Item = DVec3>) -> DVec3 {
 }
 
 /// Runs `job` for 0..count on all cores, each thread with a decoder of its own; results in order.
-fn parallel<T: Send>(count: usize, job: impl Fn(&mut Decoder, usize) -> T + Sync) -> Vec<T> {
+pub(crate) fn parallel<T: Send>(count: usize, job: impl Fn(&mut Decoder, usize) -> T + Sync) -> Vec<T> {
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count);
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<Option<T>>> = Mutex::new((0..count).map(|_| None).collect());

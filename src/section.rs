@@ -44,6 +44,9 @@ pub struct Columns {
     points: u64,
     occupied_blocks: usize,
     occupied_columns: usize,
+    /// Of all points ever, so that it does not depend on which of them were kept meanwhile.
+    lowest: Height,
+    highest: Height,
 }
 
 impl Default for Columns {
@@ -54,6 +57,8 @@ impl Default for Columns {
             points: 0,
             occupied_blocks: 0,
             occupied_columns: 0,
+            lowest: Height(i32::MAX),
+            highest: Height(i32::MIN),
         }
     }
 }
@@ -73,6 +78,9 @@ impl Columns {
     #[inline]
     pub fn add(&mut self, x: u32, y: u32, record: Record) {
         self.points += 1;
+        let height = of_record(&record);
+        self.lowest = self.lowest.min(height);
+        self.highest = self.highest.max(height);
         self.insert(x, y, record);
     }
 
@@ -126,10 +134,13 @@ impl Columns {
             + self.more.len() * size_of::<Best>()
     }
 
-    /// Bytes of device memory the section will take, or a little less where its heights need 32 bits.
+    /// Bytes of device memory the section will take.
     pub fn device_bytes(&self) -> u64 {
-        let code = HeightCode { base: 0, shift: 0, wide: false };
-        Layout::new((self.occupied_columns + self.more.len()) as u32, code).device_bytes()
+        Layout::new((self.occupied_columns + self.more.len()) as u32, self.code()).device_bytes()
+    }
+
+    fn code(&self) -> HeightCode {
+        HeightCode::fit(self.lowest.0, self.highest.0)
     }
 
     /// Calls `each(x, y, records)` for every occupied column in block order; the records of a column are
@@ -164,6 +175,8 @@ impl Columns {
         let half = SECTION_SIDE / 2;
         let (x0, y0) = ((i & 1) as u32 * half, (j & 1) as u32 * half);
         parent.points += self.points;
+        parent.lowest = parent.lowest.min(self.lowest);
+        parent.highest = parent.highest.max(self.highest);
         self.columns(|x, y, records| {
             for &record in records.iter() {
                 parent.insert(x0 + x / 2, y0 + y / 2, record);
@@ -173,14 +186,12 @@ impl Columns {
 
     /// Packs the section into its uploaded form.
     pub fn pack(&self) -> Packed {
-        let (mut lowest, mut highest, mut runs) = (i32::MAX, i32::MIN, 0usize);
+        let mut runs = 0usize;
         let mut highest_of = Vec::<(u8, bool, Height)>::new();
         self.columns(|_, _, records| {
             runs += records.len().min(MOST_RUNS);
             for record in records.iter() {
                 let height = of_record(record);
-                lowest = lowest.min(height.0);
-                highest = highest.max(height.0);
                 let withheld = record.flags() & FLAG_WITHHELD != 0;
                 match highest_of.iter_mut().find(|(c, w, _)| *c == record.class() && *w == withheld) {
                     Some((_, _, h)) => *h = height.max(*h),
@@ -188,7 +199,7 @@ impl Columns {
                 }
             }
         });
-        let code = HeightCode::fit(lowest, highest);
+        let code = self.code();
         let layout = Layout::new(runs as u32, code);
         let mut words = vec![0u32; layout.uploaded_words as usize];
         layout.write_header(&mut words);
@@ -230,44 +241,33 @@ fn of_record(record: &Record) -> Height {
 /// Most runs a column can hold on the device (its count is one byte). The highest are kept.
 const MOST_RUNS: usize = 255;
 
-/// How a section stores heights: `code = ceil((h - base) / 2^shift)`, never 0 (0 says "no point").
+/// How a section stores heights: `code = h - base`, never 0 (0 says "no point"). Every height is kept to the
+/// last lattice step, so what is seen does not depend on which section a column is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeightCode {
-    /// Lattice height of code 0; a multiple of 2^shift.
+    /// Lattice height of code 0.
     pub base: i32,
-    /// log2 of the stored step in lattice steps, 0 to 4.
-    pub shift: u32,
     /// Codes take 32 bits instead of 16.
     pub wide: bool,
 }
 
 impl HeightCode {
-    /// The finest 16-bit code that holds lowest..=highest, or a 32-bit one (DESIGN: s ≤ 4).
+    /// 16 bits if lowest..=highest, 64 units of relief, fit them.
     fn fit(lowest: i32, highest: i32) -> HeightCode {
-        for shift in 0..=4u32 {
-            let base = ((i64::from(lowest) - 1) >> shift) << shift;
-            let top = (i64::from(highest) - base + (1 << shift) - 1) >> shift;
-            if top <= 0xFFFF && base >= i64::from(i32::MIN) {
-                return HeightCode { base: base as i32, shift, wide: false };
-            }
-        }
+        let spare = 0xFFFE - (i64::from(highest) - i64::from(lowest));
+        // What is left goes to both sides: a bridge may lead to a neighbour that lies lower or higher.
+        let base = i64::from(lowest) - 1 - spare.max(0) / 2;
         // `lowest` is above i32::MIN, which no height takes.
-        HeightCode { base: lowest.saturating_sub(1), shift: 0, wide: true }
+        HeightCode { base: base.max(i32::MIN.into()) as i32, wide: spare < 0 }
     }
 
     fn encode(self, height: Height) -> u32 {
-        let above = i64::from(height.0) - i64::from(self.base);
-        ((above + (1 << self.shift) - 1) >> self.shift) as u32
+        (i64::from(height.0) - i64::from(self.base)) as u32
     }
 
-    /// The stored height of `code`, at most one stored step above the true one.
+    /// The height that `code` stands for.
     pub fn decode(self, code: u32) -> Height {
-        Height((i64::from(self.base) + (i64::from(code) << self.shift)) as i32)
-    }
-
-    /// The stored step, CRS units.
-    pub fn step_units(self) -> f64 {
-        f64::from(1u32 << self.shift) / crate::coords::HEIGHT_STEPS_PER_UNIT
+        Height((i64::from(self.base) + i64::from(code)) as i32)
     }
 }
 
@@ -335,7 +335,7 @@ impl Layout {
     }
 
     fn write_header(&self, words: &mut [u32]) {
-        let code = self.code.shift | u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
+        let code = u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
         words[..HEADER_WORDS as usize].copy_from_slice(&[
             KIND_COLUMNS,
             self.words,
@@ -426,20 +426,25 @@ mod tests {
     }
 
     #[test]
-    fn codes_round_up_by_less_than_a_step() {
-        for (lowest, highest) in
-            [(5, 5), (-70_000, 100_000), (-7, 1_000_000), (i32::MIN + 1, i32::MAX), (0, 2_000_000)]
-        {
+    fn codes_keep_heights_exactly() {
+        for (lowest, highest, wide) in [
+            (5, 5, false),
+            (-30_000, 35_534, false),
+            (-30_000, 35_535, true),
+            (i32::MIN + 1, i32::MIN + 9, false),
+            (i32::MIN + 1, i32::MAX, true),
+            (i32::MAX - 9, i32::MAX, false),
+        ] {
             let code = HeightCode::fit(lowest, highest);
-            for h in [lowest, highest, (lowest as i64 + highest as i64).div_euclid(2) as i32] {
+            assert_eq!(code.wide, wide, "{lowest}..={highest}");
+            for h in [lowest, highest, lowest.midpoint(highest)] {
                 let word = code.encode(Height(h));
                 assert!(word > 0 && (code.wide || word <= 0xFFFF), "{code:?} {h}");
-                let above = i64::from(code.decode(word).0) - i64::from(h);
-                assert!((0..1 << code.shift).contains(&above), "{code:?} {h} {above}");
+                assert_eq!(code.decode(word), Height(h), "{code:?}");
             }
         }
-        assert!(HeightCode::fit(0, 100_000_000).wide);
-        assert_eq!(HeightCode::fit(0, 60_000).shift, 0);
+        // As far below as above.
+        assert_eq!(HeightCode::fit(0, 0).base, -0x8000);
     }
 
     #[test]

@@ -188,6 +188,37 @@ fn frames_of_real_files() {
     }
 }
 
+/// Percentiles 2 and 98 of the sample, as percentiles of every point.
+#[test]
+fn percentiles_of_real_files() {
+    let Some(data) = data() else { return };
+    for name in [
+        "urban/fusa.laz",
+        "copc/fusa.copc.laz",
+        "powerline/12BZ1_21.laz",
+        "urban/multitile_delft",
+        "urban/multitile_ign",
+        "forest/multitile_bcts",
+    ] {
+        let (files, sample) = sample_of(&data, name);
+        assert!(!sample.whole, "{name} is no sample");
+        let mut heights = Vec::new();
+        for Opened { file, .. } in &files {
+            every_point(file, |raw, class, flags| {
+                if !sample::hidden_by_default(class, flags) {
+                    heights.push(f64::from(raw[2]) * file.header.scale.z + file.header.offset.z);
+                }
+            });
+        }
+        heights.sort_unstable_by(f64::total_cmp);
+        let rank =
+            |value: f64| heights.partition_point(|&height| height < value) as f64 / heights.len() as f64;
+        let (low, high) = (rank(sample.attributes.height.p2), rank(sample.attributes.height.p98));
+        println!("{name}: percentiles 2 and 98 of the sample are {:.1} and {:.1}", 100.0 * low, 100.0 * high);
+        assert!(low < 0.07 && (0.94..0.999).contains(&high), "{name}: {low} {high}");
+    }
+}
+
 #[test]
 fn the_order_of_the_inputs_changes_nothing() {
     let Some(data) = data() else { return };

@@ -468,6 +468,7 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
         samples: if exr { 1 } else { args.samples.unwrap_or(if exact { 1 } else { 4 }) },
         z_scale: args.z_scale,
         pivot,
+        bounds,
         floor,
         colors: &colors,
         shade: args.shade,

@@ -8,6 +8,10 @@ const FRAME_FILL: f64 = 0.96;
 /// Least depth of framed data, in radii of their box.
 const NEAREST: f64 = 0.05;
 
+/// Places of a camera lie on a lattice of this many steps a CRS unit: the same picture then has the same rays
+/// bit by bit wherever in its CRS the data lies.
+const STEPS_PER_UNIT: f64 = (1 << 20) as f64;
+
 /// Vertical field of view when none is asked for, degrees.
 pub const DEFAULT_FOV: f64 = 45.0;
 /// Azimuth and elevation when none are asked for, degrees: looking north, 35° down.
@@ -63,6 +67,10 @@ fn finite3(names: [&'static str; 3], v: DVec3) -> Result<DVec3, CameraError> {
     Ok(v)
 }
 
+fn on_lattice(v: DVec3) -> DVec3 {
+    (v * STEPS_PER_UNIT).round() / STEPS_PER_UNIT
+}
+
 /// An axis-parallel box in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
@@ -76,6 +84,12 @@ impl Bounds {
     /// Middle of the box.
     pub fn center(&self) -> DVec3 {
         self.min + (self.max - self.min) * 0.5
+    }
+
+    /// The same to the nearest 2⁻¹⁰ CRS unit, so that its size does not depend on where it lies.
+    pub fn snapped(&self) -> Bounds {
+        let snap = |v: DVec3| (v * 1024.0).round() / 1024.0;
+        Bounds { min: snap(self.min), max: snap(self.max) }
     }
 
     /// The box as it is shown under vertical exaggeration about `pivot_u`.
@@ -188,6 +202,7 @@ impl Camera {
     pub fn look_at(eye: DVec3, target: DVec3, projection: Projection) -> Result<Camera, CameraError> {
         finite3(["eye E", "eye N", "eye U"], eye)?;
         finite3(["target E", "target N", "target U"], target)?;
+        let (eye, target) = (on_lattice(eye), on_lattice(target));
         let distance = finite("distance from eye to target", (target - eye).length())?;
         if distance == 0.0 {
             return Err(CameraError::EyeIsTarget(eye));
@@ -206,7 +221,8 @@ impl Camera {
     ) -> Result<Camera, CameraError> {
         finite3(["target E", "target N", "target U"], target)?;
         let axes = Axes::from_angles(angles)?;
-        let eye = target - axes.forward * positive("distance", distance)?;
+        let target = on_lattice(target);
+        let eye = target - on_lattice(axes.forward * positive("distance", distance)?);
         finite3(["eye E", "eye N", "eye U"], eye)?;
         if eye == target {
             return Err(CameraError::EyeIsTarget(eye));
@@ -227,7 +243,7 @@ impl Camera {
         finite3(["bounds: west", "bounds: south", "bounds: bottom"], bounds.min)?;
         finite3(["bounds: east", "bounds: north", "bounds: top"], bounds.max)?;
         let axes = Axes::from_angles(angles)?;
-        let center = bounds.center();
+        let center = on_lattice(bounds.center());
         // A lone point is framed as a box of one unit.
         let grown = (0.5 - 0.5 * (bounds.max - bounds.min).max_element()).max(0.0);
         let corners = Bounds { min: bounds.min - grown, max: bounds.max + grown }.corners();
@@ -249,7 +265,7 @@ impl Camera {
                 (DVec3::new(x, y, z), -z)
             }
         };
-        let eye = center + axes.right * eye.x + axes.up * eye.y + axes.forward * eye.z;
+        let eye = center + on_lattice(axes.right * eye.x + axes.up * eye.y + axes.forward * eye.z);
         finite3(["eye E", "eye N", "eye U"], eye)?;
         Ok(Camera { eye, target: eye + axes.forward * depth, axes, projection })
     }
@@ -295,13 +311,10 @@ impl Camera {
     pub fn basis(&self, size: [u32; 2]) -> Result<RayBasis, CameraError> {
         let [width, height] = checked_size(size)?;
         let Axes { forward, right, up } = self.axes;
-        // Steps of one pixel and offset of the first pixel's centre, in pixels from the middle.
-        let spread = |step: f64| {
-            let (dx, dy) = (right * step, up * -step);
-            (dx, dy, dx * (0.5 - 0.5 * width) + dy * (0.5 - 0.5 * height))
-        };
         let still = RayBasis {
-            o0: self.eye,
+            eye: self.eye,
+            middle: [0.5 * width - 0.5, 0.5 * height - 0.5],
+            o0: DVec3::ZERO,
             ox: DVec3::ZERO,
             oy: DVec3::ZERO,
             d0: forward,
@@ -312,12 +325,11 @@ impl Camera {
         };
         Ok(match self.projection {
             Projection::Perspective { fov } => {
-                let (dx, dy, first) = spread(2.0 * (fov.to_radians() * 0.5).tan() / height);
-                RayBasis { d0: forward + first, dx, dy, ..still }
+                let step = 2.0 * (fov.to_radians() * 0.5).tan() / height;
+                RayBasis { dx: right * step, dy: up * -step, ..still }
             }
-            Projection::Orthographic { units_per_pixel } => {
-                let (ox, oy, first) = spread(units_per_pixel);
-                RayBasis { o0: self.eye + first, ox, oy, ..still }
+            Projection::Orthographic { units_per_pixel: step } => {
+                RayBasis { ox: right * step, oy: up * -step, ..still }
             }
         })
     }
@@ -346,13 +358,18 @@ fn fit(points: [[f64; 2]; 8], tan: f64) -> (f64, f64) {
 /// within ±½. `direction` is not normalised: without exaggeration its share along the view is 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayBasis {
-    /// Origin of the ray of pixel (0, 0).
+    /// Where the camera is. Origins count from here: small numbers, the same ones wherever the data lies.
+    pub eye: DVec3,
+    /// The middle of the picture, pixels. Rays count from it, so that what is symmetrical in the picture is
+    /// so to the last bit.
+    pub middle: [f64; 2],
+    /// Origin of the ray through the middle, from the eye.
     pub o0: DVec3,
     /// Change of origin from a pixel to the one on its right (zero from an eye).
     pub ox: DVec3,
     /// Change of origin from a pixel to the one below.
     pub oy: DVec3,
-    /// Direction of the ray of pixel (0, 0).
+    /// Direction of the ray through the middle.
     pub d0: DVec3,
     /// Change of direction from a pixel to the one on its right (zero for parallel rays).
     pub dx: DVec3,
@@ -367,12 +384,17 @@ pub struct RayBasis {
 impl RayBasis {
     /// Start of the pixel's ray, world coordinates.
     pub fn origin(&self, px: f64, py: f64) -> DVec3 {
-        self.o0 + self.ox * px + self.oy * py
+        self.eye + self.origin_from_eye(px, py)
+    }
+
+    /// Start of the pixel's ray, counted from the eye.
+    pub fn origin_from_eye(&self, px: f64, py: f64) -> DVec3 {
+        self.o0 + self.ox * (px - self.middle[0]) + self.oy * (py - self.middle[1])
     }
 
     /// Direction of the pixel's ray.
     pub fn direction(&self, px: f64, py: f64) -> DVec3 {
-        self.d0 + self.dx * px + self.dy * py
+        self.d0 + self.dx * (px - self.middle[0]) + self.dy * (py - self.middle[1])
     }
 
     /// The same rays with their origins moved on to the plane `depth` CRS units ahead along the direction
@@ -385,6 +407,11 @@ impl RayBasis {
             advanced: self.advanced + depth,
             ..*self
         }
+    }
+
+    /// How many times its direction every ray's origin lies ahead of where it starts.
+    pub fn advanced(&self) -> f64 {
+        self.advanced
     }
 
     /// Length of the pixel's `direction` as seen, CRS units: hits at origin + t · direction are
@@ -409,7 +436,9 @@ impl RayBasis {
         finite("pivot of the z scale", pivot_u)?;
         let flat = |v: DVec3| DVec3 { z: v.z / z_scale, ..v };
         Ok(RayBasis {
-            o0: DVec3 { z: pivot_u + (self.o0.z - pivot_u) / z_scale, ..self.o0 },
+            eye: DVec3 { z: pivot_u + (self.eye.z - pivot_u) / z_scale, ..self.eye },
+            middle: self.middle,
+            o0: flat(self.o0),
             ox: flat(self.ox),
             oy: flat(self.oy),
             d0: flat(self.d0),
@@ -420,10 +449,22 @@ impl RayBasis {
         })
     }
 
-    /// Smallest depth along the view (the unit of [`RayBasis::advance`]) of a point of the box, at least
-    /// 0; `forward` is the camera's. For shown space, i.e. before [`RayBasis::exaggerated`].
-    pub fn depth_of(&self, bounds: &Bounds, forward: DVec3) -> f64 {
-        bounds.corners().iter().map(|&p| (p - self.o0).dot(forward)).fold(f64::INFINITY, f64::min).max(0.0)
+    /// Smallest depth along the view (the unit of [`RayBasis::advance`]) of a column that stands in `bounds`
+    /// and has no end below, as far down as a ray of the picture can reach; at least 0. `forward` is the
+    /// camera's. For shown space, i.e. before [`RayBasis::exaggerated`].
+    pub fn depth_of(&self, bounds: &Bounds, forward: DVec3, [width, height]: [u32; 2]) -> f64 {
+        let depths = |b: &Bounds| b.corners().map(|p| (p - self.eye).dot(forward));
+        let farthest = depths(bounds).into_iter().fold(0.0, f64::max);
+        let [w, h] = [width, height].map(|n| f64::from(n) - 0.5);
+        let lowest = [(-0.5, -0.5), (w, -0.5), (-0.5, h), (w, h)]
+            .map(|(x, y)| {
+                let near = self.origin(x, y).z;
+                near.min(near + self.direction(x, y).z * farthest)
+            })
+            .into_iter()
+            .fold(bounds.min.z, f64::min);
+        let solid = Bounds { min: bounds.min.with_z(lowest), ..*bounds };
+        depths(&solid).into_iter().fold(f64::INFINITY, f64::min).max(0.0)
     }
 }
 

@@ -1,9 +1,9 @@
 //! One picture of a scene: the passes of a frame, and what comes back.
 
-use super::camera::{Camera, CameraError, RayBasis};
+use super::camera::{Bounds, Camera, CameraError, RayBasis};
 use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
-use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height, SECTION_LOG2};
+use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height};
 use crate::gpu::{
     Binding, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, SyncPoint, shaders,
 };
@@ -55,6 +55,8 @@ pub struct View<'a> {
     pub z_scale: f64,
     /// Height that stays where it is, CRS units.
     pub pivot: f64,
+    /// Where most of the data is, not exaggerated. Numbers are finest from its near side on.
+    pub bounds: Bounds,
     /// Lit pictures end at this height, CRS units: columns are solid without end, which nobody wants to see.
     pub floor: f64,
     /// Colour of hits.
@@ -100,13 +102,15 @@ struct FrameConstants {
     top_level: u32,
     low: [i32; 2],
     high: [i32; 2],
-    size: [u32; 2],
+    width: u32,
+    height: u32,
     origin_int: [i32; 3],
     origin_fraction: [u32; 3],
     right_int: [i32; 3],
     right_fraction: [u32; 3],
     down_int: [i32; 3],
     down_fraction: [u32; 3],
+    depth: f32,
     forward: [f32; 3],
     right: [f32; 3],
     down: [f32; 3],
@@ -184,15 +188,15 @@ fn halves(address: u64) -> [u32; 2] {
 }
 
 /// 32.32 fixed point, held to the range.
-fn fixed(value: f64) -> (i32, u32) {
-    let scaled = (value * 4_294_967_296.0).round();
-    let bits = scaled.clamp(-9.2e18, 9.2e18) as i64;
-    ((bits >> 32) as i32, bits as u32)
+fn fixed(value: f64) -> i64 {
+    (value * 4_294_967_296.0).round().clamp(-4.6e18, 4.6e18) as i64
 }
 
-fn fixed3(v: DVec3) -> ([i32; 3], [u32; 3]) {
-    let parts = v.to_array().map(fixed);
-    (parts.map(|p| p.0), parts.map(|p| p.1))
+/// Whole parts and fractions of `a + b`.
+fn fixed3(a: DVec3, b: DVec3) -> ([i32; 3], [u32; 3]) {
+    let (a, b) = (a.to_array(), b.to_array());
+    let sum = std::array::from_fn::<i64, 3, _>(|axis| fixed(a[axis]) + fixed(b[axis]));
+    (sum.map(|bits| (bits >> 32) as i32), sum.map(|bits| bits as u32))
 }
 
 /// Bytes that each plane of a picture of `size` takes; an error where the device cannot draw so many pixels.
@@ -245,8 +249,10 @@ impl Renderer {
     pub fn draw(&mut self, scene: &mut Scene, view: &View) -> Result<Image, FrameError> {
         let entries = scene.entries();
         let shown = view.camera.basis(view.size)?;
-        let depth = self.depth_before(&shown, view, &entries);
-        let shown = shown.advance(depth);
+        let bounds = view.bounds.exaggerated(view.z_scale, view.pivot);
+        // Not less than a cell before the data, so that rounding does not reach it.
+        let depth = shown.depth_of(&bounds, view.camera.forward(), view.size) - self.grid.cell();
+        let shown = shown.advance(((depth * 16.0).floor() / 16.0).max(0.0));
         let rays = shown.exaggerated(view.z_scale, view.pivot)?;
         let point = self.submit(scene, view, &entries, &shown, &rays)?;
         let target = self.target.as_ref().expect("submit made it");
@@ -256,43 +262,6 @@ impl Renderer {
         scene.order.read(point, &target.hits_back, 0, bytemuck::cast_slice_mut(&mut hits))?;
         scene.order.read(point, &target.colors_back, 0, bytemuck::cast_slice_mut(&mut colors))?;
         Ok(self.finish(view, &shown, &rays, &hits, colors))
-    }
-
-    /// How far along the view nothing can be hit: in f64, so that the device starts near the data.
-    fn depth_before(&self, shown: &RayBasis, view: &View, entries: &[Entry]) -> f64 {
-        let [w, h] = view.size.map(f64::from);
-        let corners = [(-0.5, -0.5), (w - 0.5, -0.5), (-0.5, h - 0.5), (w - 0.5, h - 0.5)];
-        let forward = view.camera.forward();
-        let depth_of = |p: DVec3| (p - shown.origin(w * 0.5 - 0.5, h * 0.5 - 0.5)).dot(forward);
-        let boxes = || {
-            entries.iter().map(|e| {
-                let side = self.grid.cell() * f64::from(1u32 << (SECTION_LOG2 + u32::from(e.key.level)));
-                let cells = i64::from(1u32 << SECTION_LOG2) << e.key.level;
-                let low = [e.key.i, e.key.j].map(i64::from);
-                let west = (low[0] * cells + self.grid.anchor[0]) as f64 * self.grid.cell();
-                let south = (low[1] * cells + self.grid.anchor[1]) as f64 * self.grid.cell();
-                let top = view.pivot + (e.top.units() - view.pivot) * view.z_scale;
-                ([west, south, west + side, south + side], top)
-            })
-        };
-        let corners_at = |b: [f64; 4], z: f64| {
-            [(b[0], b[1]), (b[2], b[1]), (b[0], b[3]), (b[2], b[3])]
-                .map(|(x, y)| depth_of(DVec3::new(x, y, z)))
-        };
-        // Columns are solid without end: the lowest point that a ray of the picture can reach over the data.
-        let farthest = boxes().flat_map(|(b, top)| corners_at(b, top)).fold(0.0, f64::max);
-        let lowest = corners
-            .iter()
-            .map(|&(x, y)| {
-                (shown.origin(x, y) + shown.direction(x, y) * farthest).z.min(shown.origin(x, y).z)
-            })
-            .fold(f64::INFINITY, f64::min);
-        let nearest = boxes()
-            .flat_map(|(b, top)| [corners_at(b, top), corners_at(b, lowest.min(top))].concat())
-            .fold(f64::INFINITY, f64::min);
-        // A cell before it, so that rounding cannot reach the data.
-        let depth = nearest - self.grid.cell();
-        if depth.is_finite() { (depth * 16.0).floor().max(0.0) / 16.0 } else { 0.0 }
     }
 
     fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2]) -> Result<(), FrameError> {
@@ -399,18 +368,21 @@ impl Renderer {
         buffers: &InFlight,
         target: &Target,
     ) -> FrameConstants {
-        let [w, h] = view.size.map(f64::from);
         let cell = self.grid.cell();
         let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, HEIGHT_STEPS_PER_UNIT);
         let anchor =
             DVec3::new(self.grid.anchor[0] as f64, self.grid.anchor[1] as f64, f64::from(self.anchor.0));
+        // Added in fixed point, so that what is left of the eye's place in the world does not round the rest.
+        // Divided as cell indices are: a border is a whole number.
+        let eye = rays.eye / DVec3::new(cell, cell, 1.0 / HEIGHT_STEPS_PER_UNIT) - anchor;
+        let from_eye = rays.o0 * per_unit;
         let place = match self.access {
             Access::Address => |b: &Buffer| halves(b.address()),
             Access::StorageBuffer => |_: &Buffer| [0; 2],
         };
-        let (origin_int, origin_fraction) = fixed3(rays.origin(-0.5, -0.5) * per_unit - anchor);
-        let (right_int, right_fraction) = fixed3(rays.ox / 16.0 * per_unit);
-        let (down_int, down_fraction) = fixed3(rays.oy / 16.0 * per_unit);
+        let (origin_int, origin_fraction) = fixed3(eye, from_eye);
+        let (right_int, right_fraction) = fixed3(rays.ox / 16.0 * per_unit, DVec3::ZERO);
+        let (down_int, down_fraction) = fixed3(rays.oy / 16.0 * per_unit, DVec3::ZERO);
         // From the north-west, 45° high, as on maps.
         let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
         FrameConstants {
@@ -422,14 +394,16 @@ impl Renderer {
             top_level: table.top_level,
             low: table.low,
             high: table.high,
-            size: view.size,
+            width: view.size[0],
+            height: view.size[1],
             origin_int,
             origin_fraction,
             right_int,
             right_fraction,
             down_int,
             down_fraction,
-            forward: shown.direction(w * 0.5 - 0.5, h * 0.5 - 0.5).as_vec3().to_array(),
+            depth: shown.advanced() as f32,
+            forward: shown.d0.as_vec3().to_array(),
             right: (shown.dx / 16.0).as_vec3().to_array(),
             down: (shown.dy / 16.0).as_vec3().to_array(),
             to_local: (per_unit / DVec3::new(1.0, 1.0, view.z_scale)).as_vec3().to_array(),

@@ -257,8 +257,8 @@ impl WorldFile {
             d: basis.ox.y + 0.0,
             b: basis.oy.x + 0.0,
             e: basis.oy.y + 0.0,
-            c: basis.o0.x,
-            f: basis.o0.y,
+            c: basis.origin(0.0, 0.0).x,
+            f: basis.origin(0.0, 0.0).y,
         })
     }
 

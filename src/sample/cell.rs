@@ -4,10 +4,17 @@ use std::collections::HashMap;
 
 /// A void in which a square of this many cells a side fits is no footprint (a lake, the outside).
 const VOID_CELLS: usize = 13;
-/// With fewer holes than this share of the footprint's cells, cells are coarse enough.
-const HOLES: f64 = 0.03;
-/// With more than this share, larger cells are worth it in any case.
-const MANY_HOLES: f64 = 0.12;
+/// Points a cell holds on average at the finest size that is thought of. Less than 1, so that densities of 1, 4
+/// or 16 points a unit, which surveys are planned for, lie on one side of it.
+const LEAST_POINTS: f64 = 0.8;
+/// With fewer holes than this share of the footprint's cells left open by the bridges that pictures make over
+/// gaps of four cells, cells are coarse enough.
+const OPEN_HOLES: f64 = 0.03;
+/// With more holes than this share, bridged or not, larger cells are worth it in any case. 3 %, as for pictures
+/// without bridges, chose cells of 1 m for a suburb and 2 m for a city that read well at half of that.
+const HOLES: f64 = 0.50;
+/// Longest gap that pictures bridge, cells.
+const BRIDGE: usize = 4;
 /// Most doublings from the size at which there is one point a cell.
 const DOUBLINGS: u32 = 3;
 
@@ -49,26 +56,24 @@ pub fn choose(patches: &[Patch], finest: f64) -> CellChoice {
     let Some(spacing) = spacing.reduce(f64::max) else { return none };
     let mut cell = power_of_two_above(spacing);
     let mut here = Tally::of(patches, cell);
-    while here.points_per_cell() < 1.0 && cell < 1e18 {
+    while here.points_per_cell() < LEAST_POINTS && cell < 1e18 {
         cell *= 2.0;
         here = Tally::of(patches, cell);
     }
-    // Rounded up to a power of two: below one point a cell 97 % cannot be hit anyway.
+    // Rounded up to a power of two.
     let finest = finest.max(spacing * 2f64.powi(-40));
     while cell / 2.0 >= finest {
         let finer = Tally::of(patches, cell / 2.0);
-        if finer.points_per_cell() < 1.0 {
+        if finer.points_per_cell() < LEAST_POINTS {
             break;
         }
         (cell, here) = (cell / 2.0, finer);
     }
     let density = here.points_per_cell() / (cell * cell);
-    // Only holes that doubling closes speak for it. In canals, shadows of roofs, or ground under trees
-    // others remain whatever the size: counting all of them chose cells of 4 m for a city with 16 points
-    // a square metre, and 32 feet where 4 do.
+    // Only holes that doubling closes speak for it: in canals, in shadows of roofs, or on ground under trees
+    // others remain whatever the size.
     for _ in 0..DOUBLINGS {
-        let (closable, holes) = (here.closable_share(), 1.0 - here.coverage());
-        if !(closable > HOLES && closable > holes / 2.0 || closable > MANY_HOLES) {
+        if here.share(here.closable) <= HOLES && here.share(here.open) <= OPEN_HOLES {
             break;
         }
         cell *= 2.0;
@@ -92,6 +97,7 @@ struct Tally {
     points: f64,
     hit: f64,
     closable: f64,
+    open: f64,
     footprint: f64,
 }
 
@@ -105,10 +111,12 @@ impl Tally {
             let weight = 1.0 / patch.points.len().max(1) as f64;
             tally.points += weight * patch.points.len() as f64 * patch.passes;
             tally.footprint += weight * footprint;
-            let (empty, beside) = (footprint - hit, coverage.closable as f64);
+            let empty = footprint - hit;
+            let (beside, open) = (coverage.closable as f64, coverage.open as f64);
             let after = |cells: f64| footprint * holes_after(cells / footprint.max(1.0), patch.passes);
             tally.hit += weight * (footprint - after(empty));
             tally.closable += weight * (after(empty) - after(empty - beside));
+            tally.open += weight * (after(empty) - after(empty - open));
         }
         tally
     }
@@ -117,8 +125,8 @@ impl Tally {
         self.points / self.footprint.max(f64::MIN_POSITIVE)
     }
 
-    fn closable_share(&self) -> f64 {
-        self.closable / self.footprint.max(f64::MIN_POSITIVE)
+    fn share(&self, cells: f64) -> f64 {
+        cells / self.footprint.max(f64::MIN_POSITIVE)
     }
 
     fn coverage(&self) -> f64 {
@@ -139,6 +147,8 @@ struct Coverage {
     hit: u64,
     /// Footprint without a point beside a point: cells of twice the side have none of these.
     closable: u64,
+    /// Of those, what no bridge closes.
+    open: u64,
     footprint: u64,
 }
 
@@ -173,14 +183,18 @@ impl Coverage {
             let neighbour = |di: i64, dj: i64| index.get(&[i + di, j + dj]).map(|&at| &tiles[at]);
             let around = [-1, 0, 1].map(|dj| [-1, 0, 1].map(|di| neighbour(di, dj)));
             coverage.hit += tiles[at].iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
-            let footprint = footprint_of_tile(&around);
-            for (rows, footprint) in tiles[at].chunks_exact(2).zip(footprint.chunks_exact(2)) {
+            let window = window(&around);
+            let (footprint, bridged) = (footprint_of_tile(&window), bridged_in_tile(&window));
+            let pairs = footprint.chunks_exact(2).zip(bridged.chunks_exact(2));
+            for (rows, (footprint, bridged)) in tiles[at].chunks_exact(2).zip(pairs) {
                 let either = rows[0] | rows[1];
                 let pair = (either | (either >> 1)) & 0x5555_5555_5555_5555;
                 let coarse = pair | (pair << 1);
-                for (row, footprint) in rows.iter().zip(footprint) {
+                for ((row, footprint), bridged) in rows.iter().zip(footprint).zip(bridged) {
+                    let closable = footprint & !row & coarse;
                     coverage.footprint += u64::from(footprint.count_ones());
-                    coverage.closable += u64::from((footprint & !row & coarse).count_ones());
+                    coverage.closable += u64::from(closable.count_ones());
+                    coverage.open += u64::from((closable & !bridged).count_ones());
                 }
             }
         }
@@ -188,31 +202,58 @@ impl Coverage {
     }
 }
 
-/// Cells of the middle tile that no empty square of [`VOID_CELLS`] covers. `around[row][column]`, south
-/// and west first.
-fn footprint_of_tile(around: &[[Option<&[u64; TILE]>; 3]; 3]) -> [u64; TILE] {
-    const ROWS: usize = TILE + 2 * HALO;
-    // Bit k of a row is the cell k - HALO of the middle tile.
-    let row = |r: usize| {
+/// Rows of a tile and its halo: bit k of row r is the cell (k - HALO, r - HALO) of the tile.
+type Window = [u128; WINDOW];
+const WINDOW: usize = TILE + 2 * HALO;
+
+/// `around[row][column]`, south and west first.
+fn window(around: &[[Option<&[u64; TILE]>; 3]; 3]) -> Window {
+    std::array::from_fn(|r| {
         let (tile, row) = match r {
             _ if r < HALO => (0, TILE - HALO + r),
             _ if r < HALO + TILE => (1, r - HALO),
             _ => (2, r - HALO - TILE),
         };
         let word = |column: usize| u128::from(around[tile][column].map_or(0, |tile| tile[row]));
-        (word(0) >> (TILE - HALO)) | (word(1) << HALO) | ((word(2) << (HALO + TILE)) & ((1 << ROWS) - 1))
+        (word(0) >> (TILE - HALO)) | (word(1) << HALO) | ((word(2) << (HALO + TILE)) & ((1 << WINDOW) - 1))
+    })
+}
+
+/// Cells of the middle tile that a bridge would close: hits on both sides along a row, a column or a diagonal,
+/// as in `shaders/bridge.comp`.
+fn bridged_in_tile(rows: &Window) -> [u64; TILE] {
+    // Bit k of the row is whether the cell `steps` cells back along (dx, dy) is hit.
+    let back = |r: usize, [dx, dy]: [i32; 2], steps: i32| {
+        let row = rows[(r as i32 - dy * steps) as usize];
+        let shift = dx * steps;
+        if shift >= 0 { row << shift } else { row >> -shift }
     };
+    std::array::from_fn(|r| {
+        let mut bridged = 0u128;
+        for (axis, most) in [([1, 0], BRIDGE + 1), ([0, 1], BRIDGE + 1), ([1, 1], 3), ([1, -1], 3)] {
+            for near in 1..most as i32 {
+                for far in 1..=most as i32 - near {
+                    bridged |= back(r + HALO, axis, near) & back(r + HALO, axis, -far);
+                }
+            }
+        }
+        (bridged >> HALO) as u64
+    })
+}
+
+/// Cells of the middle tile that no empty square of [`VOID_CELLS`] covers.
+fn footprint_of_tile(rows: &Window) -> [u64; TILE] {
     // Bit k: cells k..k + 13 of the row are empty.
-    let runs: [u128; ROWS] = std::array::from_fn(|r| {
-        let empty = !row(r) & ((1 << ROWS) - 1);
+    let runs: [u128; WINDOW] = std::array::from_fn(|r| {
+        let empty = !rows[r] & ((1 << WINDOW) - 1);
         let two = empty & (empty >> 1);
         let four = two & (two >> 2);
         let eight = four & (four >> 4);
         eight & (eight >> 5)
     });
     // The empty squares that begin in each row, spread over the cells that they cover.
-    let mut void = [0u128; ROWS];
-    for r in 0..=ROWS - VOID_CELLS {
+    let mut void = [0u128; WINDOW];
+    for r in 0..=WINDOW - VOID_CELLS {
         let corners = runs[r..r + VOID_CELLS].iter().fold(!0, |all, run| all & run);
         if corners != 0 {
             let two = corners | (corners << 1);
@@ -258,7 +299,14 @@ mod tests {
             hit.iter().map(|cell| cell.map(|v| v >> 1)).collect();
         let beside = |cell: &&[i64; 2]| !hit.contains(*cell) && coarse.contains(&cell.map(|v| v >> 1));
         let closable = footprint.iter().filter(beside).count() as u64;
-        Coverage { hit: hit.len() as u64, closable, footprint: footprint.len() as u64 }
+        let bridged = |cell: &&[i64; 2]| {
+            [([1, 0], 5), ([0, 1], 5), ([1, 1], 3), ([1, -1], 3)].into_iter().any(|([dx, dy], most)| {
+                let hit_at = |k: i64| hit.contains(&[cell[0] + dx * k, cell[1] + dy * k]);
+                (1..most).any(|near| (1..=most - near).any(|far| hit_at(-near) && hit_at(far)))
+            })
+        };
+        let open = footprint.iter().filter(beside).filter(|cell| !bridged(cell)).count() as u64;
+        Coverage { hit: hit.len() as u64, closable, open, footprint: footprint.len() as u64 }
     }
 
     #[test]
@@ -283,25 +331,29 @@ mod tests {
     }
 
     #[test]
-    fn random_points_need_four_a_cell() {
-        // 1 - e^-λ is 86 % at 2 points a cell, 98 % at 4.
+    fn bridges_close_the_holes_between_random_points() {
+        // 1 - e^-λ is 86 % at 2 points a cell; the other cells lie beside points.
         let choice = choose(&whole(random(80_000, 200.0, 1)), 0.001);
-        assert_eq!(choice.cell, 2.0);
+        assert_eq!(choice.cell, 1.0);
         assert!((choice.density - 2.0).abs() < 0.1, "{choice:?}");
         // A point 185 km away, or a lake, changes nothing.
         let mut points = random(80_000, 200.0, 1);
         points.retain(|p| (p[0] - 90.0).hypot(p[1] - 90.0) > 50.0);
         points.push([185_000.0, -185_000.0]);
-        assert_eq!(choose(&whole(points), 0.001).cell, 2.0);
+        assert_eq!(choose(&whole(points), 0.001).cell, 1.0);
+        // Clusters leave holes that no bridge closes.
+        let mut clumps = random(4_000, 200.0, 3);
+        clumps = clumps.iter().flat_map(|p| (0..20).map(|k| [p[0] + 0.02 * f64::from(k), p[1]])).collect();
+        assert!(choose(&whole(clumps), 0.001).cell >= 2.0);
     }
 
     #[test]
     fn passes_make_up_for_what_a_patch_lacks() {
-        // One of four passes over the same ground; its own points would ask for cells of 2.
+        // One of four passes over the same ground; its own points would ask for cells of 1.
         let patch = Patch { points: random(80_000, 200.0, 1), passes: 4.0 };
         let all = choose(&whole(random(320_000, 200.0, 2)), 0.001);
         let choice = choose(&[patch], 0.001);
-        assert_eq!((choice.cell, all.cell), (1.0, 1.0));
+        assert_eq!((choice.cell, all.cell), (0.5, 0.5));
         assert!((choice.density / all.density - 1.0).abs() < 0.05);
     }
 

@@ -24,29 +24,48 @@ pub(super) fn every_place(files: &[Opened], drawn: &[usize]) -> Vec<Place> {
 /// `budget.places` places at even distances in the order of points.
 pub(super) fn chosen_places(files: &[Opened], drawn: &[usize], points: u64, budget: &Budget) -> Vec<Place> {
     let mut places: Vec<Place> = Vec::new();
+    for (index, at) in even_chunks(files, drawn, points, budget.places) {
+        let file = &files[index].file;
+        let place = match &file.copc {
+            Some(copc) => window_at(index, file, copc, at, budget),
+            None => run_at(index, &file.chunks, at, budget.place_points),
+        };
+        // Large chunks, or windows that grew, may come up twice.
+        if !places.iter().any(|known| known.file == place.file && known.chunks == place.chunks) {
+            places.push(place);
+        }
+    }
+    places
+}
+
+/// The heads of `budget.heads` chunks at even distances in the order of points.
+pub(super) fn heads(files: &[Opened], drawn: &[usize], points: u64, budget: &Budget) -> Vec<Place> {
+    let mut chunks = even_chunks(files, drawn, points, budget.heads);
+    chunks.dedup();
+    let head = |(file, chunk)| Place { file, chunks: vec![(chunk, HEAD_POINTS)], window: None };
+    chunks.into_iter().map(head).collect()
+}
+
+/// Points of a chunk's head.
+const HEAD_POINTS: u64 = 1024;
+
+/// `count` chunks (file, index) at even distances in the order of points.
+fn even_chunks(files: &[Opened], drawn: &[usize], points: u64, count: u64) -> Vec<(usize, usize)> {
+    let mut chunks = Vec::new();
     let (mut before, mut next) = (0, 0);
     for &index in drawn {
         let file = &files[index].file;
-        while next < budget.places {
-            let wanted =
-                (u128::from(points) * u128::from(2 * next + 1) / u128::from(2 * budget.places)) as u64;
+        while next < count {
+            let wanted = (u128::from(points) * u128::from(2 * next + 1) / u128::from(2 * count)) as u64;
             let Some(record) = wanted.checked_sub(before).filter(|&record| record < file.points()) else {
                 break;
             };
-            let at = file.chunks.partition_point(|chunk| chunk.first_record <= record) - 1;
-            let place = match &file.copc {
-                Some(copc) => window_at(index, file, copc, at, budget),
-                None => run_at(index, &file.chunks, at, budget.place_points),
-            };
-            // Large chunks, or windows that grew, may come up twice.
-            if !places.iter().any(|known| known.file == place.file && known.chunks == place.chunks) {
-                places.push(place);
-            }
+            chunks.push((index, file.chunks.partition_point(|chunk| chunk.first_record <= record) - 1));
             next += 1;
         }
         before += file.points();
     }
-    places
+    chunks
 }
 
 /// Neighbouring chunks from `at` on, until there are enough points to have an inside.

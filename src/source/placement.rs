@@ -101,10 +101,10 @@ pub enum PlacementNote {
         world: String,
     },
     /// No coordinate system, while others have one.
-    #[error("names no coordinate system: {world} is assumed, as in the other files")]
+    #[error("{world} is assumed for {} that {} no coordinate system", count(*files), if *files == 1 { "names" } else { "name" })]
     Assumed {
-        /// Which.
-        file: usize,
+        /// How many.
+        files: usize,
         /// The majority's.
         world: String,
     },
@@ -135,7 +135,7 @@ pub enum PlacementNote {
         radius_km: f64,
     },
     /// Heights in another unit than E and N.
-    #[error("heights are in {from}, shown in {to}, {files} files", from = from.name, to = to.name)]
+    #[error("heights are in {from}, shown in {to} ({})", count(*files), from = from.name, to = to.name)]
     HeightUnit {
         /// In the files.
         from: Unit,
@@ -146,11 +146,15 @@ pub enum PlacementNote {
     },
 }
 
+fn count(files: usize) -> String {
+    if files == 1 { "1 file".into() } else { format!("{files} files") }
+}
+
 impl PlacementNote {
     /// The file that the note is about, if it is about one.
     pub fn file(&self) -> Option<usize> {
         match self {
-            PlacementNote::LeftOut { file, .. } | PlacementNote::Assumed { file, .. } => Some(*file),
+            PlacementNote::LeftOut { file, .. } => Some(*file),
             _ => None,
         }
     }
@@ -180,14 +184,17 @@ impl World {
             (Some(majority), None) => matches!(majority.kind, CrsKind::Projected | CrsKind::Unknown),
             (None, crs) => crs.is_none(),
         };
-        let name = |crs: Option<&Crs>| crs.map_or("not named".to_owned(), |crs| crs.name.clone());
+        let name = |crs: Option<&Crs>| crs.map_or("none that is named".to_owned(), |crs| crs.name.clone());
         for (index, file) in files.iter().enumerate() {
-            if !is_member(file) {
+            if !is_member(file) && file.points > 0 {
                 let (found, world_name) = (name(file.crs), name(majority));
                 world.notes.push(PlacementNote::LeftOut { file: index, found, world: world_name });
-            } else if file.crs.is_none() && majority.is_some() {
-                world.notes.push(PlacementNote::Assumed { file: index, world: name(majority) });
             }
+        }
+        let assumed = files.iter().filter(|file| file.crs.is_none() && majority.is_some() && is_member(file));
+        match assumed.count() {
+            0 => {}
+            files => world.notes.push(PlacementNote::Assumed { files, world: name(majority) }),
         }
         world.crs = majority.cloned();
         let kind = majority.map_or(CrsKind::Unknown, |crs| crs.kind);
@@ -244,7 +251,7 @@ fn up_factor(z: &Unit, horizontal: &Unit) -> f64 {
 /// that name none are no vote, unless the others' coordinates are angles.
 fn majority<'a>(files: &[FileFacts<'a>]) -> Option<&'a Crs> {
     let mut groups: Vec<(&Crs, usize, u64)> = Vec::new();
-    for file in files {
+    for file in files.iter().filter(|file| file.points > 0) {
         let Some(crs) = file.crs else { continue };
         match groups.iter_mut().find(|group| group.0.same_horizontal(crs)) {
             Some(group) => {
@@ -255,7 +262,7 @@ fn majority<'a>(files: &[FileFacts<'a>]) -> Option<&'a Crs> {
         }
     }
     let best = groups.into_iter().max_by(|a, b| (a.1, a.2, &b.0.name).cmp(&(b.1, b.2, &a.0.name)))?;
-    let unnamed = files.iter().filter(|file| file.crs.is_none()).count();
+    let unnamed = files.iter().filter(|file| file.crs.is_none() && file.points > 0).count();
     let angles = matches!(best.0.kind, CrsKind::Geographic | CrsKind::Geocentric);
     (!angles || best.1 >= unnamed).then_some(best.0)
 }
@@ -449,7 +456,8 @@ mod tests {
         assert_eq!(drawn, [false, true, true, true, false]);
         assert_eq!(world.crs.unwrap().epsg, Some(32632));
         let about: Vec<_> = world.notes.iter().map(|note| note.file()).collect();
-        assert_eq!(about, [Some(0), Some(2), Some(4)]);
+        assert_eq!(about, [Some(0), Some(4), None]);
+        assert!(matches!(world.notes[2], PlacementNote::Assumed { files: 1, .. }));
         let mixed = World::of(&files, &PlacementOptions { mix_crs: true, ..Default::default() });
         assert!(mixed.placements.iter().all(|placement| placement.unwrap().is_identity()));
 

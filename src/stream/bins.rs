@@ -431,7 +431,7 @@ mod tests {
         assert_eq!(words(&one), words(&two));
         assert_eq!(
             one.sections.iter().map(|(_, c)| c.points()).sum::<u64>(),
-            blocks.iter().map(|b| b.len() as u64).sum()
+            blocks.iter().map(|b| b.len() as u64).sum::<u64>()
         );
     }
 

@@ -385,8 +385,7 @@ impl Scene {
         let highest = |key: &SectionKey| -> Option<Height> {
             let version = self.sections.get(key)?.live.as_ref()?;
             let shown = version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
-            // Stored heights are rounded up by less than a stored step.
-            shown.map(|(_, _, h)| Height(h.0.saturating_add((1 << version.layout.code.shift) - 1))).max()
+            shown.map(|(_, _, h)| *h).max()
         };
         let mut entries: Vec<_> = self
             .sections
@@ -437,10 +436,5 @@ impl Scene {
     /// What has been copied and built since the start.
     pub fn counters(&self) -> Counters {
         self.counters
-    }
-
-    /// Lowest stored height step of the live sections is `2^shift` lattice steps; this is the largest shift.
-    pub fn coarsest_shift(&self) -> u32 {
-        self.sections.values().filter_map(|r| r.live.as_ref()).map(|v| v.layout.code.shift).max().unwrap_or(0)
     }
 }

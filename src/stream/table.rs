@@ -15,7 +15,7 @@ use std::collections::HashMap;
 pub struct Node {
     /// Node index at its level.
     pub index: [i32; 2],
-    /// Level (log2 cells) | USED | SECTION | WIDE | shift << 12 | detail level << 16.
+    /// Level (log2 cells) | USED | SECTION | WIDE | detail level << 16.
     pub meta: u32,
     /// Highest thing below, lattice steps from the anchor, rounded up.
     pub top: f32,
@@ -108,7 +108,7 @@ impl Table {
             let wide = if e.code.wide { WIDE } else { 0 };
             let node = Node {
                 index,
-                meta: level | USED | SECTION | wide | e.code.shift << 12 | u32::from(e.key.level) << 16,
+                meta: level | USED | SECTION | wide | u32::from(e.key.level) << 16,
                 top,
                 place: e.place,
                 base: e.code.base.wrapping_sub(anchor.0),
@@ -159,7 +159,7 @@ mod tests {
         Entry {
             key: SectionKey { level: 0, i, j },
             place: [i as u32, j as u32],
-            code: HeightCode { base: 0, shift: 0, wide: false },
+            code: HeightCode { base: 0, wide: false },
             pyramid: 7,
             top: Height(top),
         }

@@ -1,0 +1,426 @@
+//! `lasray info`: what is in the files, and how they would be drawn.
+
+mod scan;
+mod text;
+
+use super::Outcome;
+use crate::attribute::ColorMode;
+use crate::gpu::{DeviceInfo, list_devices};
+use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
+use crate::source::crs::{Crs, CrsKind, Unit};
+use crate::source::inputs;
+use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
+use anyhow::Context;
+use scan::Scan;
+use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Arguments of `lasray info`.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Args {
+    /// Files, folders, @list.txt, patterns
+    #[arg(required_unless_present = "devices", value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// List the Vulkan devices, with what each lacks
+    #[arg(long, conflicts_with = "inputs")]
+    devices: bool,
+    /// Read every point: classes, ranges of all attributes, true bounds
+    #[arg(long)]
+    scan: bool,
+    /// Machine-readable output
+    #[arg(long)]
+    json: bool,
+    /// Unit of heights, whatever the files say: m, ft or us-ft
+    #[arg(long, value_name = "UNIT")]
+    z_unit: Option<Unit>,
+    /// Take files of different coordinate systems together, in raw coordinates
+    #[arg(long)]
+    mix_crs: bool,
+    /// Exit code 1 if any input fails
+    #[arg(long)]
+    strict: bool,
+    /// No progress
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// A device, as `--json` gives it.
+#[derive(Debug, Serialize)]
+struct DeviceReport<'a> {
+    /// What `--device` takes.
+    index: usize,
+    name: &'a str,
+    kind: String,
+    driver: &'a str,
+    /// Vulkan version.
+    api: String,
+    memory_bytes: u64,
+    /// Empty for a device that can be used.
+    missing: &'a [&'static str],
+}
+
+impl DeviceReport<'_> {
+    fn of(device: &DeviceInfo) -> DeviceReport<'_> {
+        let [major, minor, patch] = device.api;
+        DeviceReport {
+            index: device.index,
+            name: &device.name,
+            kind: device.kind.to_string(),
+            driver: &device.driver,
+            api: format!("{major}.{minor}.{patch}"),
+            memory_bytes: device.memory_bytes,
+            missing: &device.missing,
+        }
+    }
+}
+
+fn json(value: &impl Serialize) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(value).context("cannot write JSON")? + "\n")
+}
+
+/// To standard output; `lasray info … | head` is no failure.
+fn print(page: &str) -> anyhow::Result<()> {
+    match std::io::stdout().lock().write_all(page.as_bytes()) {
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
+        written => written.context("cannot write to standard output"),
+    }
+}
+
+/// Everything that is printed.
+#[derive(Debug, Serialize)]
+struct Report {
+    files: Vec<FileReport>,
+    /// Inputs that could not be used, and why.
+    failed: Vec<String>,
+    all: Total,
+}
+
+/// One file.
+#[derive(Debug, Serialize)]
+struct FileReport {
+    path: String,
+    /// LAS version.
+    version: String,
+    /// LAS, LAZ or COPC.
+    kind: &'static str,
+    point_format: u8,
+    /// Points that can be read.
+    points: u64,
+    /// Points that the header claims.
+    claimed_points: u64,
+    chunks: usize,
+    /// As the header has them, file coordinates; null where they are no bounds.
+    bounds: Option<Box3>,
+    /// Digits behind the point that its coordinates have.
+    #[serde(skip)]
+    decimals: [usize; 3],
+    crs: Option<CrsReport>,
+    /// Points in a square world unit of its bounds.
+    density: Option<f64>,
+    /// "absent" where the format has none; "none" where the fields hold no colour.
+    rgb: &'static str,
+    /// It is not drawn, since its coordinate system is not that of most files.
+    left_out: bool,
+    /// A part of it could not be read.
+    #[serde(skip)]
+    unreadable: bool,
+    warnings: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scan: Option<Scan>,
+}
+
+impl FileReport {
+    /// Points are missing.
+    fn is_damaged(&self) -> bool {
+        self.unreadable || self.scan.as_ref().is_some_and(|scan| !scan.damage.is_empty())
+    }
+}
+
+/// All files that are drawn.
+#[derive(Debug, Serialize)]
+struct Total {
+    files: usize,
+    points: u64,
+    /// World coordinates, without stray points: what a picture frames.
+    bounds: Option<Box3>,
+    #[serde(skip)]
+    decimals: [usize; 3],
+    crs: Option<CrsReport>,
+    /// Of world coordinates.
+    unit: Option<Unit>,
+    /// Points of different E, N in a square unit of the ground they cover.
+    density: f64,
+    /// What `--cell auto` comes to, world units.
+    cell: f64,
+    /// Share of the ground's cells that hold a point at that size.
+    coverage: f64,
+    /// What `--color auto` comes to.
+    color: &'static str,
+    /// Percentiles 2 and 98 of shown points.
+    height_p2_p98: [f64; 2],
+    intensity_p2_p98: [f64; 2],
+    /// Points that density, cell and colour rest on.
+    sampled: u64,
+    notes: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scan: Option<Scan>,
+}
+
+/// A box, E, N, U.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+struct Box3 {
+    min: [f64; 3],
+    max: [f64; 3],
+}
+
+impl From<Bounds> for Box3 {
+    fn from(bounds: Bounds) -> Box3 {
+        Box3 { min: bounds.min.to_array(), max: bounds.max.to_array() }
+    }
+}
+
+/// A coordinate system.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+struct CrsReport {
+    name: String,
+    epsg: Option<u32>,
+    kind: CrsKind,
+    unit: Unit,
+    vertical_unit: Option<Unit>,
+}
+
+impl From<&Crs> for CrsReport {
+    fn from(crs: &Crs) -> CrsReport {
+        CrsReport {
+            name: crs.name.clone(),
+            epsg: crs.epsg,
+            kind: crs.kind,
+            unit: crs.horizontal_unit.clone(),
+            vertical_unit: crs.vertical_unit.clone(),
+        }
+    }
+}
+
+/// Runs `lasray info`. [`Outcome::Incomplete`] where nothing could be read, or an input failed with
+/// `--strict`.
+pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    if args.devices {
+        let devices = list_devices()?;
+        let page = match args.json {
+            true => json(&devices.iter().map(DeviceReport::of).collect::<Vec<_>>())?,
+            false => devices.iter().map(|device| format!("{device}\n")).collect(),
+        };
+        print(&page)?;
+        return Ok(Outcome::Done);
+    }
+    let report = gather(&args);
+    print(&if args.json { json(&report)? } else { text::page(&report) })?;
+    let damaged = report.files.iter().any(FileReport::is_damaged);
+    let failed = args.strict && (damaged || !report.failed.is_empty());
+    Ok(if failed || report.files.is_empty() { Outcome::Incomplete } else { Outcome::Done })
+}
+
+fn gather(args: &Args) -> Report {
+    let found = inputs::expand(&args.inputs);
+    let mut failed: Vec<String> = found.failed.iter().map(ToString::to_string).collect();
+    let mut files = Vec::new();
+    for opened in sample::open_all(&found.files) {
+        match opened {
+            Ok(opened) => files.push(opened),
+            Err(error) => failed.push(error.to_string()),
+        }
+    }
+    let options = PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() };
+    let sample = sample::take(&files, &options, &Budget::default());
+    let scans = if args.scan { scan::every_file(&files, args.quiet) } else { Vec::new() };
+    let mut scans = scans.into_iter();
+
+    let mut reports: Vec<FileReport> = files
+        .iter()
+        .enumerate()
+        .map(|(index, opened)| FileReport { scan: scans.next(), ..of_file(index, opened, &sample) })
+        .collect();
+    for (index, problem) in &sample.problems {
+        // A scan meets it again, and says how many points are lost.
+        reports[*index].unreadable = true;
+        if reports[*index].scan.is_none() {
+            reports[*index].warnings.push(problem.to_string());
+        }
+    }
+    let all = total(&files, &sample, &reports);
+    Report { files: reports, failed, all }
+}
+
+fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
+    let Opened { file, crs, crs_errors } = opened;
+    let header = &file.header;
+    let bounds = Bounds::new(header.min, header.max).filter(|_| file.points() > 0);
+    let density = sample.files[index].bounds.and_then(|bounds| {
+        let area = bounds.size().x * bounds.size().y;
+        (area > 0.0).then(|| file.points() as f64 / area)
+    });
+    let rgb = match (sample.files[index].rgb, matches!(header.format, 2 | 3 | 5 | 7 | 8 | 10)) {
+        (_, false) => "absent",
+        (RgbDepth::None, _) => "none",
+        (RgbDepth::Eight, _) => "8 bit",
+        (RgbDepth::Sixteen, _) => "16 bit",
+    };
+    let warnings = file.warnings.iter().map(ToString::to_string);
+    FileReport {
+        path: file.path().display().to_string(),
+        version: format!("{}.{}", header.version.0, header.version.1),
+        kind: match (header.compressed, &file.copc) {
+            (_, Some(_)) => "COPC",
+            (true, None) => "LAZ",
+            (false, None) => "LAS",
+        },
+        point_format: header.format,
+        points: file.points(),
+        claimed_points: header.claimed_points,
+        chunks: file.chunks.len(),
+        bounds: bounds.map(Into::into),
+        decimals: header.scale.to_array().map(decimals),
+        crs: crs.as_ref().map(Into::into),
+        density,
+        rgb,
+        left_out: sample.world.placements[index].is_none() && file.points() > 0,
+        unreadable: file.points() < header.claimed_points,
+        warnings: warnings.chain(crs_errors.iter().map(ToString::to_string)).collect(),
+        scan: None,
+    }
+}
+
+fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
+    let note = |note: &PlacementNote| match note.file() {
+        Some(index) => format!("{}: {note}", reports[index].path),
+        None => note.to_string(),
+    };
+    let drawn = reports.iter().filter(|report| !report.left_out);
+    let (attributes, mut scan) = (&sample.attributes, None);
+    for part in drawn.clone().filter_map(|report| report.scan.as_ref()) {
+        scan.get_or_insert_with(Scan::default).merge(part);
+    }
+    if let Some(scan) = &mut scan {
+        // Files may differ in how their coordinates come into the world; each has its own bounds.
+        let as_is = |placement: &Option<Placement>| placement.is_none_or(|placement| placement.is_identity());
+        scan.bounds = scan.bounds.filter(|_| sample.world.placements.iter().all(as_is));
+        scan.damage.clear();
+    }
+    let finest = drawn.clone().map(|report| report.decimals);
+    Total {
+        files: drawn.clone().count(),
+        points: sample.points,
+        bounds: sample.bounds.map(Into::into),
+        decimals: match sample.world.unit.is_some() && files.iter().any(|f| is_degrees(f.crs.as_ref())) {
+            true => [2; 3],
+            false => finest.reduce(|a, b| [0, 1, 2].map(|i| a[i].max(b[i]))).unwrap_or_default(),
+        },
+        crs: sample.world.crs.as_ref().map(Into::into),
+        unit: sample.world.unit.clone(),
+        density: sample.cell.density,
+        cell: sample.cell.cell,
+        coverage: sample.cell.coverage,
+        color: ColorMode::auto(attributes).name(),
+        height_p2_p98: [attributes.height.p2, attributes.height.p98],
+        intensity_p2_p98: [attributes.intensity.p2, attributes.intensity.p98],
+        sampled: sample.sampled,
+        notes: sample.world.notes.iter().map(note).collect(),
+        scan,
+    }
+}
+
+fn is_degrees(crs: Option<&Crs>) -> bool {
+    crs.is_some_and(|crs| crs.kind == CrsKind::Geographic)
+}
+
+/// Digits behind the point of coordinates in steps of `scale`.
+fn decimals(scale: f64) -> usize {
+    (-scale.log10()).ceil().clamp(0.0, 9.0) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::{Format, Tile, Town, write_tile};
+    use clap::Parser as _;
+    use std::path::Path;
+    use std::sync::atomic::AtomicBool;
+
+    #[derive(clap::Parser)]
+    struct Cli {
+        #[command(flatten)]
+        args: Args,
+    }
+
+    fn report(words: &[&Path], options: &[&str]) -> Report {
+        let words = words.iter().map(|path| path.to_str().unwrap()).chain(options.iter().copied());
+        gather(&Cli::parse_from(["info", "--quiet"].into_iter().chain(words)).args)
+    }
+
+    fn town(path: &Path, corner: [f64; 2], points: u64, compress: bool) {
+        let tile = Tile { corner, size: [60.0, 60.0], points };
+        let format = if compress { Format::Seven } else { Format::Three };
+        let stop = AtomicBool::new(false);
+        write_tile(&Town::new(1), &tile, path, format, compress, &stop, |_| {}).unwrap();
+    }
+
+    #[test]
+    fn decimals_follow_the_scale() {
+        assert_eq!([1.0, 0.01, 0.001, 0.00025, 1e-7, 10.0].map(decimals), [0, 2, 3, 4, 7, 0]);
+    }
+
+    #[test]
+    fn a_town_is_described() {
+        let folder = tempfile::tempdir().unwrap();
+        let (east, west) = (folder.path().join("east.laz"), folder.path().join("west.las"));
+        town(&west, [0.0, 0.0], 30_000, false);
+        town(&east, [60.0, 0.0], 20_000, true);
+        std::fs::write(folder.path().join("bad.las"), "no LAS").unwrap();
+        let report = report(&[folder.path(), Path::new("gone.laz")], &["--scan"]);
+        assert_eq!(report.failed.len(), 2, "{:?}", report.failed);
+        let kinds: Vec<_> =
+            report.files.iter().map(|file| (file.kind, file.point_format, file.points)).collect();
+        assert_eq!(kinds, [("LAZ", 7, 20_000), ("LAS", 3, 30_000)]);
+        let all = &report.all;
+        assert_eq!((all.files, all.points, all.color), (2, 50_000, "rgb"));
+        let scan = all.scan.as_ref().unwrap();
+        assert_eq!(scan.points, 50_000);
+        assert_eq!(scan.seen_classes().map(|(_, count)| count).sum::<u64>(), 50_000);
+        let (bounds, frame) = (scan.bounds.unwrap(), all.bounds.unwrap());
+        for axis in 0..2 {
+            assert!((bounds.min[axis] - frame.min[axis]).abs() < 0.01, "{bounds:?} {frame:?}");
+            assert!((bounds.max[axis] - frame.max[axis]).abs() < 0.01, "{bounds:?} {frame:?}");
+        }
+        assert!((5.0..25.0).contains(&all.density), "{}", all.density);
+
+        let page = text::page(&report);
+        for part in
+            ["all 2 files", "point format 7, LAZ", "points       30,000 in 1 chunk", "gone.laz: no such"]
+        {
+            assert!(page.contains(part), "{part} is not in\n{page}");
+        }
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["files"][1]["points"], 30_000);
+        assert_eq!(json["all"]["cell"], all.cell);
+        assert!(json["all"]["scan"]["classes"][0]["name"].is_string());
+    }
+
+    #[test]
+    fn damage_is_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("cut.laz");
+        town(&path, [0.0, 0.0], 60_000, true);
+        // Zeros in the middle of the first chunk's data.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let middle = bytes.len() / 3;
+        bytes[middle..middle + 4000].fill(0);
+        std::fs::write(&path, bytes).unwrap();
+        let report = report(&[&path], &["--scan"]);
+        let file = &report.files[0];
+        assert!(file.scan.as_ref().unwrap().points <= 60_000);
+        assert_eq!(file.is_damaged(), file.scan.as_ref().unwrap().points < 60_000);
+        assert_eq!(file.scan.as_ref().unwrap().damage.is_empty(), !file.is_damaged());
+        assert!(text::page(&report).contains("scanned"));
+    }
+}

@@ -1,0 +1,182 @@
+//! Scenes as the program makes them, and the same points read apart from it.
+#![allow(dead_code)] // each test file uses its part
+
+use lasray::attribute::{ClassMask, ColorMode, ColorTable};
+use lasray::coords::{Grid, Height, SectionKey};
+use lasray::gpu::{Gpu, Order};
+use lasray::load::{self, LoadOptions, Loaded, Problems};
+use lasray::render::camera::{Bounds, Camera};
+use lasray::render::frame::{Background, Renderer, Shade, Traversal, View};
+use lasray::render::image::Image;
+use lasray::render::reference::Point;
+use lasray::section::Packed;
+use lasray::source::placement::{Placement, PlacementOptions};
+use lasray::stream::bins::Budget;
+use lasray::stream::pool::Access;
+use lasray::stream::scene::{Scene, Visibility};
+use lasray::synth::{Format, Tile, Town, write_tile};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+/// Everything shown but noise, measured cells only.
+pub const MEASURED: fn() -> Visibility =
+    || Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
+/// As pictures are made by default.
+pub const BRIDGED: fn() -> Visibility = || Visibility { bridge: 4, ..MEASURED() };
+
+/// Real files, which are no part of the repository.
+pub fn real_files() -> Option<PathBuf> {
+    let folder = std::env::var_os("LASRAY_DATA")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    println!("skipped: no real files at {} (LASRAY_DATA names another folder)", folder.display());
+    None
+}
+
+/// A corner of the synthetic town, `side` metres wide, about 8 points a square metre, as a file.
+pub fn town(folder: &Path, name: &str, corner: [f64; 2], side: f64) -> PathBuf {
+    let path = folder.join(name);
+    let tile = Tile { corner, size: [side; 2], points: (8.0 * side * side) as u64 };
+    let compress = name.ends_with(".laz");
+    write_tile(&Town::new(1), &tile, &path, Format::Seven, compress, &AtomicBool::new(false), |_| {})
+        .unwrap();
+    path
+}
+
+/// Files ready to be put on a device.
+pub struct Data {
+    pub sections: Vec<(SectionKey, Packed)>,
+    pub grid: Grid,
+    pub bounds: Bounds,
+    pub anchor: Height,
+    pub colors: ColorTable,
+    pub placement: Placement,
+}
+
+impl Data {
+    /// Reads `paths` into cells of `cell` units (`None`: as chosen).
+    pub fn load(paths: &[PathBuf], cell: Option<f64>) -> Data {
+        let options = LoadOptions {
+            cell,
+            placement: PlacementOptions::default(),
+            rgb_bits: None,
+            budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 30 },
+            quiet: true,
+        };
+        let mut problems = Problems::default();
+        let loaded = load::paths(paths, &options, &mut problems).unwrap();
+        assert_eq!(problems.errors, [""; 0]);
+        let Loaded { grid, sections, bounds, summary, color, placement, .. } = loaded;
+        Data {
+            sections: sections.into_iter().map(|(key, columns)| (key, columns.pack())).collect(),
+            grid,
+            bounds,
+            anchor: Height::from_units(bounds.center().z).unwrap(),
+            colors: ColorTable::new(color, &summary, None, None).unwrap(),
+            placement,
+        }
+    }
+
+    /// A scene without sections, whose pool has `budget_bytes`.
+    pub fn empty(
+        &self,
+        gpu: &Gpu,
+        access: Access,
+        order: impl FnOnce(Order) -> Order,
+        visibility: Visibility,
+        budget_bytes: u64,
+    ) -> Scene {
+        Scene::new(gpu, order, access, budget_bytes, visibility, self.grid.cell()).unwrap()
+    }
+
+    /// All sections, live.
+    pub fn scene(&self, gpu: &Gpu, access: Access, visibility: Visibility) -> Scene {
+        let mut scene = self.empty(gpu, access, |order| order, visibility, 1 << 30);
+        for (key, packed) in &self.sections {
+            assert!(scene.upload(*key, packed).unwrap(), "the pool is full");
+        }
+        scene.settle().unwrap();
+        scene
+    }
+
+    pub fn renderer(&self, scene: &Scene) -> Renderer {
+        Renderer::new(scene, self.grid, self.anchor).unwrap()
+    }
+
+    /// A picture of measured cells, pixel centres only, as `--shade none` makes it.
+    pub fn exact<'a>(&'a self, camera: &'a Camera, size: [u32; 2]) -> View<'a> {
+        View {
+            camera,
+            size,
+            samples: 1,
+            z_scale: 1.0,
+            pivot: self.bounds.min.z,
+            bounds: self.bounds,
+            floor: f64::NEG_INFINITY,
+            colors: &self.colors,
+            shade: Shade::None,
+            background: Background::None,
+            traversal: Traversal::Fast,
+        }
+    }
+
+    /// A picture as it is made by default.
+    pub fn lit<'a>(&'a self, camera: &'a Camera, size: [u32; 2]) -> View<'a> {
+        let width = (self.bounds.max - self.bounds.min).truncate().max_element();
+        View {
+            samples: 4,
+            floor: self.bounds.min.z - 0.03 * width,
+            shade: Shade::Lit,
+            background: Background::Sky,
+            ..self.exact(camera, size)
+        }
+    }
+}
+
+/// The points of a file as the `las` crate reads them, in world coordinates.
+pub fn points(path: &Path, placement: &Placement) -> Vec<Point> {
+    let mut reader = las::Reader::from_path(path).unwrap();
+    let legacy = !reader.header().point_format().is_extended;
+    let count = reader.header().number_of_points();
+    let mut points = Vec::with_capacity(count as usize);
+    for p in reader.read_points(count).unwrap().points() {
+        let p = p.unwrap();
+        let at = placement.place(p.x, p.y, p.z);
+        let class = u8::from(p.classification);
+        points.push(Point {
+            e: at.x,
+            n: at.y,
+            u: at.z,
+            // The crate makes a flag of the old overlap class.
+            class: if legacy && p.is_overlap { 12 } else { class },
+            intensity: p.intensity,
+            rgb: [0; 3],
+            returns: 0,
+            flags: u8::from(p.is_withheld) << 2,
+        });
+    }
+    points
+}
+
+/// Pixels of which a channel differs by more than 1/255 as they are written to a PNG.
+pub fn pixels_that_differ(a: &Image, b: &Image) -> usize {
+    let code = |v: f32| lasray::attribute::linear_to_srgb(v.clamp(0.0, 1.0)) * 255.0;
+    let channels = |a: &[f32; 4], b: &[f32; 4]| {
+        (0..4).any(|k| {
+            let (x, y) = if k == 3 { (a[k] * 255.0, b[k] * 255.0) } else { (code(a[k]), code(b[k])) };
+            (x - y).abs() > 1.0
+        })
+    };
+    assert_eq!(a.color.len(), b.color.len());
+    a.color.iter().zip(&b.color).filter(|(a, b)| channels(a, b)).count()
+}
+
+/// Pixels that hit in one and miss in the other.
+pub fn hits_that_differ(a: &Image, b: &Image) -> usize {
+    a.distance.iter().zip(&b.distance).filter(|(a, b)| a.is_finite() != b.is_finite()).count()
+}
+
+/// Colour mode for tests that need one whatever the data.
+pub const BY_CLASS: ColorMode = ColorMode::Class;
