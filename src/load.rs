@@ -44,7 +44,9 @@ pub enum LoadError {
     /// More cells than the grid can count.
     #[error(
         "cell size {} is too small: {what} {} units would be {} cells, {most:.0} are possible",
-        tidy(*cell), tidy(*length), tidy(length / cell)
+        tidy(*cell),
+        tidy(*length),
+        tidy((length / cell).round())
     )]
     TooFine {
         /// Asked for.
