@@ -24,7 +24,10 @@ const LINES: usize = 30;
 /// What came of one call.
 struct Ran {
     code: Option<i32>,
+    /// Standard error.
     said: String,
+    /// Standard output.
+    printed: String,
     /// Largest resident memory seen, bytes; 0 where the system does not tell.
     peak: u64,
     took: Duration,
@@ -38,16 +41,12 @@ fn run(folder: &Path, arguments: &[OsString], environment: &[(&str, &str)]) -> R
         .current_dir(folder)
         .envs(environment.iter().copied())
         .stdin(Stdio::null())
-        .stdout(Stdio::null())
+        .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let mut stderr = child.stderr.take().unwrap();
-    let reader = std::thread::spawn(move || {
-        let mut said = Vec::new();
-        stderr.read_to_end(&mut said).unwrap();
-        String::from_utf8_lossy(&said).into_owned()
-    });
+    let [said, printed] =
+        [read_aside(child.stderr.take().unwrap()), read_aside(child.stdout.take().unwrap())];
     let mut peak = 0;
     let status = loop {
         if let Some(status) = child.try_wait().unwrap() {
@@ -61,7 +60,17 @@ fn run(folder: &Path, arguments: &[OsString], environment: &[(&str, &str)]) -> R
         }
         std::thread::sleep(Duration::from_millis(3));
     };
-    Ran { code: status.and_then(|s| s.code()), said: reader.join().unwrap(), peak, took: start.elapsed() }
+    let [said, printed] = [said, printed].map(|reader| reader.join().unwrap());
+    Ran { code: status.and_then(|s| s.code()), said, printed, peak, took: start.elapsed() }
+}
+
+/// Reads on, so that the writer never waits.
+fn read_aside(mut pipe: impl Read + Send + 'static) -> std::thread::JoinHandle<String> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        pipe.read_to_end(&mut bytes).unwrap();
+        String::from_utf8_lossy(&bytes).into_owned()
+    })
 }
 
 /// Linux alone tells of another process; elsewhere 0.
@@ -250,8 +259,7 @@ fn broken_hierarchy() -> Vec<u8> {
     with(bytes, 375 + 54 + 40, &u64::MAX.to_le_bytes())
 }
 
-#[test]
-fn bad_files() {
+fn bad_files() -> Vec<Case> {
     let f = |value: f64| value.to_le_bytes();
     let mut cases = vec![
         Case::file("empty.las", vec![], 1, &["empty.las: empty file"]),
@@ -442,7 +450,36 @@ fn bad_files() {
         bytes.truncate(bytes.len() - at);
         cases.push(Case::file(name, bytes, 0, &["header claims 2 points, 1 can be read, 1 are missing"]));
     }
-    try_all(cases);
+    cases
+}
+
+#[test]
+fn each_bad_file_by_itself() {
+    try_all(bad_files());
+}
+
+#[test]
+fn all_bad_files_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases = bad_files();
+    for case in &cases {
+        (case.make)(folder.path());
+    }
+    let refused = || cases.iter().filter(|case| case.code == 1 && case.pictures.is_empty());
+    let ran = run(folder.path(), &words(["render", ".", "-o", "a.png", "--size", "64x36"]), &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.said);
+    assert!(folder.path().join("a.png").exists());
+    assert!(ran.peak <= MEMORY, "{} MiB", ran.peak >> 20);
+    assert!(!ran.said.contains("panicked"), "{}", ran.said);
+    let ran = run(folder.path(), &words(["info", ".", "photo.png", "--scan"]), &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.said);
+    assert!(!ran.said.contains("panicked"), "{}", ran.said);
+    for case in refused() {
+        let name = case.name.split(' ').next().unwrap();
+        assert!(ran.printed.contains(name), "{name} is not named:\n{}", ran.printed);
+    }
+    // What is sound is there all the same.
+    assert!(ran.printed.contains("fine.las"), "{}", ran.printed);
 }
 
 /// Points strewn evenly over 200 m.
