@@ -181,7 +181,8 @@ fn color(text: &str) -> Result<Color, String> {
         return Ok(Color(None));
     }
     let mode = clap::ValueEnum::from_str(text, true);
-    mode.map(|m| Color(Some(m))).map_err(|_| "possible values: auto, rgb, height, class, intensity, return".to_owned())
+    mode.map(|m| Color(Some(m)))
+        .map_err(|_| "possible values: auto, rgb, height, class, intensity, return".to_owned())
 }
 
 fn numbers(text: &str) -> Result<Vec<f64>, String> {
@@ -416,7 +417,10 @@ fn visibility(args: &Args) -> Visibility {
 
 /// Packs on one thread while another copies; what is packed is freed.
 /// Gives the classes that are there, in any order.
-pub fn upload(scene: &mut Scene, sections: Vec<(crate::coords::SectionKey, Columns)>) -> anyhow::Result<Vec<u8>> {
+pub fn upload(
+    scene: &mut Scene,
+    sections: Vec<(crate::coords::SectionKey, Columns)>,
+) -> anyhow::Result<Vec<u8>> {
     let mut present = Vec::new();
     let (send, receive) = crossbeam_channel::bounded::<(crate::coords::SectionKey, Packed)>(4);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -534,10 +538,7 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
 fn write(image: &Image, view: &View, output: &Path) -> anyhow::Result<()> {
     let [e, t] =
         [view.camera.eye(), view.camera.target()].map(|v| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z));
-    let notes = [
-        ("Eye", e.as_str()),
-        ("Target", t.as_str()),
-    ];
+    let notes = [("Eye", e.as_str()), ("Target", t.as_str())];
     image.write(output, view.background == Background::None, &notes)?;
     Ok(())
 }

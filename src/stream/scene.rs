@@ -9,7 +9,8 @@ use super::table::Entry;
 use crate::attribute::ClassMask;
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
-    Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, SyncPoint, UploadRing, shaders,
+    Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, SyncPoint, UploadRing,
+    shaders,
 };
 use crate::section::{Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
@@ -325,7 +326,8 @@ impl Scene {
 
     /// One job for every built version of `keys`, and for those of `fresh`, whose copies are there.
     fn jobs(&self, keys: &BTreeSet<SectionKey>, fresh: &BTreeSet<SectionKey>) -> Vec<Job> {
-        let is_built = |key: &SectionKey, v: &Version| !matches!(v.state, State::Copying(_)) || fresh.contains(key);
+        let is_built =
+            |key: &SectionKey, v: &Version| !matches!(v.state, State::Copying(_)) || fresh.contains(key);
         let newest = |key: SectionKey| -> Option<&Version> {
             let resident = self.sections.get(&key)?;
             resident.coming.as_ref().filter(|v| is_built(&key, v)).or(resident.live.as_ref())
@@ -335,8 +337,8 @@ impl Scene {
             let Some(resident) = self.sections.get(key) else { continue };
             let coming = resident.coming.as_ref().filter(|v| is_built(key, v));
             for version in resident.live.iter().chain(coming) {
-                let mut near = around(*key)
-                    .map(|near| newest(near).map_or([0; 2], |v| self.pool.place(&v.slot)));
+                let mut near =
+                    around(*key).map(|near| newest(near).map_or([0; 2], |v| self.pool.place(&v.slot)));
                 near[4] = self.pool.place(&version.slot);
                 jobs.push(Job { near });
             }

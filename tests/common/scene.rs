@@ -68,7 +68,7 @@ impl Data {
         };
         let mut problems = Problems::default();
         let loaded = load::paths(paths, &options, &mut problems).unwrap();
-        assert!(!problems.failed);
+        assert!(!problems.failed, "{problems:?}");
         let Loaded { grid, sections, bounds, summary, color, placement, .. } = loaded;
         Data {
             sections: sections.into_iter().map(|(key, columns)| (key, columns.pack())).collect(),
