@@ -96,15 +96,15 @@ vec3 sky(vec3 direction) {
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
-    if (pixel.x >= FRAME.width || pixel.y >= FRAME.height) return;
+    if (pixel.x >= FRAME.width || pixel.y >= push.rows) return;
     uint at = pixel.y * FRAME.width + pixel.x;
     uvec4 hit = HIT[at];
-    Ray ray = ray_at(pixel * 16u + uvec2(push.sample_at));
+    Ray ray = ray_at(sample_of(pixel));
 
-    // Columns are solid without end: below the floor a lit picture shows what is behind.
+    // Columns are solid without end: below the floor a lit picture shows what is behind their sides.
     float z = fma(uintBitsToFloat(hit.x), ray.step.z, float(ray.cell.z) + ray.fraction.z);
     if (hit.z >> 16u == FACE_TOP) z = float(int(hit.w));
-    if (z < FRAME.floor) hit.y = NO_NODE;
+    else if (z < FRAME.floor) hit.y = NO_NODE;
 
     // The run on show; a bridged column shows the run of the column it was taken from. That may be in a
     // neighbour which the table does not name yet, or not any more: then nothing is shown.

@@ -44,7 +44,9 @@ pub enum LoadError {
     /// More cells than the grid can count.
     #[error(
         "cell size {} is too small: {what} {} units would be {} cells, {most:.0} are possible",
-        tidy(*cell), tidy(*length), tidy(length / cell)
+        tidy(*cell),
+        tidy(*length),
+        tidy((length / cell).round())
     )]
     TooFine {
         /// Asked for.
@@ -200,7 +202,18 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
         }
     }
     let Some(bounds) = sample.bounds else {
-        return Err(LoadError::Nothing("the inputs hold no points"));
+        let mut errors: Vec<_> = sample.problems.iter().map(|(_, error)| error.to_string()).collect();
+        errors.dedup();
+        errors.iter().for_each(|error| problems.error(error));
+        if sample.points == 0 {
+            return Err(LoadError::Nothing("the inputs hold no points"));
+        }
+        if errors.is_empty() {
+            let all = sample.points;
+            problems
+                .error(format!("{subject}none of {all} points lies where a cell and a height can hold it"));
+        }
+        return Err(LoadError::Nothing("no point is left"));
     };
     let bounds = Bounds { min: bounds.min, max: bounds.max }.snapped();
     let cell = match options.cell {
@@ -212,7 +225,6 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     for (index, opened) in opened.into_iter().enumerate() {
         if let Some(placement) = sample.world.placements[index] {
             let rgb = match (sample.files[index].rgb, options.rgb_bits) {
-                (RgbDepth::None, _) => RgbDepth::None,
                 (_, Some(8)) => RgbDepth::Eight,
                 (_, Some(_)) => RgbDepth::Sixteen,
                 (chosen, None) => chosen,

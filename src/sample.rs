@@ -19,6 +19,7 @@ pub use frame::Bounds;
 pub use rgb::RgbDepth;
 
 use crate::attribute::{AttributeSummary, Spread};
+use crate::coords::Height;
 use crate::source::crs::{self, Crs, CrsError};
 use crate::source::placement::{FileFacts, Placement, PlacementOptions, World};
 use crate::source::{Decoder, FLAG_WITHHELD, LidarFile, PointBlock, SourceError};
@@ -213,13 +214,9 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
     for (file, points) in weighted.iter().enumerate() {
         for &(seen, weight) in points {
             classes[usize::from(seen.class)] += weight;
-            if shown(seen) {
-                shown_points.push(Shown {
-                    seen,
-                    weight,
-                    u: place(file, seen).z,
-                    rgb: rgb[file].to_8_bit(seen.rgb),
-                });
+            let at = place(file, seen);
+            if shown(seen) && drawable(at) {
+                shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
             }
         }
     }
@@ -227,9 +224,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         let placement = world.placements[index].as_ref()?;
         let placed = weighted[index].iter().filter(|(seen, _)| shown(seen));
         let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
-        let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| point.is_finite()).collect();
-        (files[index].file.points() > 0)
-            .then(|| frame::file_bounds(header_bounds(&files[index].file, placement), &placed))?
+        let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| drawable(*point)).collect();
+        let file = &files[index].file;
+        // Points that are all known need no header; a header that leaves out the few that are known is wrong.
+        let header = header_bounds(file, placement)
+            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed));
+        (file.points() > 0).then(|| frame::file_bounds(header, &placed))?
     };
     let bounds: Vec<Option<Bounds>> = (0..files.len()).map(file_bounds).collect();
     let ground = ground::Ground {
@@ -402,12 +402,23 @@ fn spread(values: impl Iterator<Item = (f64, f64)>) -> Spread {
     Spread { min, max, p2, p98 }
 }
 
-/// Header bounds in the world, where they are bounds.
+/// Whether some cell and height can hold a world point.
+fn drawable(point: DVec3) -> bool {
+    point.is_finite() && Height::from_units(point.z).is_some()
+}
+
+/// Header bounds in the world, where points of the file can lie at them.
 fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
     let (min, max) = (file.header.min, file.header.max);
+    // Raw coordinates are i32; half a step is what rounding takes.
+    let stored = |corner: DVec3| {
+        ((corner - file.header.offset) / file.header.scale).abs().max_element() < 2_147_483_648.5
+    };
     match placement {
         Placement::Turned { .. } => None,
-        _ => Bounds::new(placement.place(min.x, min.y, min.z), placement.place(max.x, max.y, max.z)),
+        _ if !stored(min) || !stored(max) => None,
+        _ => Bounds::new(placement.place(min.x, min.y, min.z), placement.place(max.x, max.y, max.z))
+            .filter(|bounds| drawable(bounds.min) && drawable(bounds.max)),
     }
 }
 

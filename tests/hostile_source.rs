@@ -1,6 +1,13 @@
 //! Files made to hurt: each is refused or read in part, and none takes the process down.
 
+mod made;
+
+use lasray::coords::Grid;
+use lasray::sample::{self, RgbDepth};
+use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::source::{Decoder, LidarFile};
+use lasray::stream::bins::{Bins, Budget};
+use lasray::stream::workers::{Input, Progress, read_all};
 use laz::{
     LazVlrBuilder,
     encoders::ArithmeticEncoder,
@@ -79,4 +86,58 @@ fn endless_gps_time_switches_do_not_overflow_the_stack() {
     let error = result.unwrap_err().to_string();
     assert!(error.contains("switch.laz: chunk 0 at byte 335: GPS time switches"), "{error}");
     assert_eq!(points, 0);
+}
+
+/// Reads `file` into bins; gives the points that arrived and what was said.
+fn read(file: LidarFile) -> (u64, Vec<String>) {
+    let grid = Grid { base_cell: 1.0, coarsen: 0, anchor: [0, 0] };
+    let everywhere = [i64::MIN / 2..i64::MAX / 2, i64::MIN / 2..i64::MAX / 2];
+    let bins = Bins::new(grid, everywhere, Budget { host_bytes: 1 << 30, device_bytes: 1 << 30 });
+    let progress = Progress::default();
+    let inputs = [Input { file, placement: Placement::AsIs, rgb: RgbDepth::None }];
+    let errors = read_all(&inputs, &bins, 2, &progress);
+    (progress.points.into_inner(), errors.iter().map(ToString::to_string).collect())
+}
+
+#[test]
+fn a_file_that_vanishes_or_changes_is_named_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("gone.laz");
+    let bytes = made::Made::new(3, made::Packing::Fixed(50), 500).bytes();
+    let write = || std::fs::write(&path, &bytes).unwrap();
+
+    // Between the index and the first chunk.
+    write();
+    let file = LidarFile::open(&path).unwrap();
+    assert_eq!(file.chunks.len(), 10);
+    std::fs::remove_file(&path).unwrap();
+    let (points, errors) = read(file);
+    assert_eq!((points, errors.len()), (0, 1), "{errors:?}");
+    assert!(errors[0].contains("gone.laz: cannot reopen: "), "{errors:?}");
+
+    // It is there again, but shorter.
+    write();
+    let file = LidarFile::open(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let (points, errors) = read(file);
+    assert_eq!((points, errors.len()), (0, 1), "{errors:?}");
+    assert!(errors[0].contains("gone.laz: changed while it was read"), "{errors:?}");
+
+    // While it is open: the first half is still there.
+    write();
+    let file = LidarFile::open(&path).unwrap();
+    file.bytes.handle().unwrap();
+    let half = file.chunks[5].byte_offset;
+    std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(half).unwrap();
+    let (points, errors) = read(file);
+    assert!(points <= 250 && errors.len() == 1, "{points} {errors:?}");
+    assert!(errors[0].contains("gone.laz: "), "{errors:?}");
+
+    // Before the opening sample.
+    write();
+    let opened = sample::open_all(std::slice::from_ref(&path));
+    std::fs::remove_file(&path).unwrap();
+    let opened: Vec<_> = opened.into_iter().map(Result::unwrap).collect();
+    let sample = sample::take(&opened, &PlacementOptions::default(), &sample::Budget::default());
+    assert!(sample.problems.iter().any(|(_, e)| e.to_string().contains("gone.laz")), "{:?}", sample.problems);
 }

@@ -148,8 +148,9 @@ impl Consumer for Structs {
 fn a_wrong_layout_is_found() {
     let shader = [("trace", super::shaders::TRACE)];
     // The push constants of trace.comp, and what they are not.
-    let right: Members =
-        [(0, "u32x2"), (8, "i32x2"), (16, "u32"), (20, "f32")].map(|(o, n)| (o, n.to_owned())).into();
+    let right: Members = [(0, "u32x2"), (8, "i32x2"), (16, "u32"), (20, "f32"), (24, "u32"), (28, "u32")]
+        .map(|(o, n)| (o, n.to_owned()))
+        .into();
     let mut wrong = right.clone();
     wrong[3].0 = 24;
     assert_in(&shader, &right);

@@ -18,6 +18,12 @@ impl Bounds {
         (min.is_finite() && max.is_finite() && min.cmple(max).all()).then_some(Bounds { min, max })
     }
 
+    /// Whether one of `points` is inside, or there is none.
+    pub(super) fn holds_some(&self, points: &[(DVec3, f64)]) -> bool {
+        let inside = |point: DVec3| point.cmpge(self.min).all() && point.cmple(self.max).all();
+        points.is_empty() || points.iter().any(|(point, _)| inside(*point))
+    }
+
     /// The smallest box around both.
     pub fn union(self, other: Bounds) -> Bounds {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
@@ -37,7 +43,7 @@ impl Bounds {
 /// Share of a file's sample that may lie outside on either side of an axis.
 const STRAY: f64 = 0.002;
 /// With fewer points the sample cannot tell a stray point from the file's edge.
-const ENOUGH: usize = 30;
+pub(super) const ENOUGH: usize = 30;
 
 /// The box of one file: each side as its header has it, where the sample bears that out; else as far as
 /// the sample reaches without stray points. `points` with weights; hidden points left out.

@@ -1,6 +1,7 @@
 //! The public header block, checked against the file (LAS 1.4 R15, 2.4).
 
 use super::{FileBytes, SourceError, Warning};
+use crate::coords::tidy;
 use glam::DVec3;
 use std::io::Read;
 
@@ -21,9 +22,9 @@ pub struct FileHeader {
     pub record_len: u16,
     /// First byte of the point data (checked: behind the header; may lie past the end of the file).
     pub offset_to_points: u64,
-    /// X, Y, Z scale (checked: finite, positive).
+    /// X, Y, Z scale (checked: positive, at most 1e6).
     pub scale: DVec3,
-    /// X, Y, Z offset (checked: finite).
+    /// X, Y, Z offset (checked: within ±1e12).
     pub offset: DVec3,
     /// Lower bounds as stored: may be NaN, infinite, inverted or simply wrong.
     pub min: DVec3,
@@ -45,6 +46,12 @@ pub(super) struct Parsed {
 
 /// Bytes in a record of each format (LAS 1.4 R15, tables 7 to 18).
 pub(super) const FORMAT_LEN: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
+
+/// Nothing is measured in coarser steps; a broken field that is let through would put the file so far away that
+/// others shrink to a dot beside it.
+const MOST_SCALE: f64 = 1e6;
+/// The Earth is 4e10 mm around.
+const MOST_OFFSET: f64 = 1e12;
 
 /// Bytes in the header of LAS 1.`minor`.
 fn header_len(minor: u8) -> u16 {
@@ -114,11 +121,13 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
         (147, "Z scale", raw.z_scale_factor, 171, "Z offset", raw.z_offset),
     ];
     for (scale_at, scale_name, scale, offset_at, offset_name, offset) in axes {
-        if !(scale.is_finite() && scale > 0.0) {
-            return Err(bad(scale_at, scale_name, scale.to_string(), "must be finite and above 0"));
+        if !(scale > 0.0 && scale <= MOST_SCALE) {
+            let reason = format!("must be above 0 and at most {MOST_SCALE:e}");
+            return Err(bad(scale_at, scale_name, tidy(scale), &reason));
         }
-        if !offset.is_finite() {
-            return Err(bad(offset_at, offset_name, offset.to_string(), "must be finite"));
+        if offset.is_nan() || offset.abs() > MOST_OFFSET {
+            let reason = format!("must lie within ±{MOST_OFFSET:e}");
+            return Err(bad(offset_at, offset_name, tidy(offset), &reason));
         }
     }
     let offset_to_points = u64::from(raw.offset_to_point_data);

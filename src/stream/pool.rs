@@ -19,6 +19,19 @@ pub enum Access {
     StorageBuffer,
 }
 
+/// What `bytes` take of a page, units of [`ALIGN`]. The allocator keeps free space by size classes, and looks into
+/// those alone that hold nothing smaller than what is asked for: a place of a class's very size (at most 12.5 %
+/// more) is found again when it is free.
+fn units(bytes: u64) -> u32 {
+    let units = u32::try_from(bytes.div_ceil(ALIGN)).unwrap_or(u32::MAX);
+    if units > 1 << 31 { units } else { min_allocator_size(units) }
+}
+
+/// Bytes of a page that a payload of `bytes` takes.
+pub fn slot_bytes(bytes: u64) -> u64 {
+    u64::from(units(bytes)) * ALIGN
+}
+
 /// Where a payload lies. Not `Clone`: given back once, to [`Pool::free`].
 pub struct Slot {
     page: usize,
@@ -64,10 +77,7 @@ impl Pool {
 
     /// A place for `bytes`; `None` when the budget has no room for it.
     pub fn alloc(&mut self, bytes: u64) -> Result<Option<Slot>, GpuError> {
-        // The allocator keeps free space by size classes, and looks into those alone that hold nothing smaller
-        // than what is asked for: a place of a class's very size (at most 12.5 % more) is found again.
-        let units = u32::try_from(bytes.div_ceil(ALIGN)).unwrap_or(u32::MAX);
-        let units = if units > 1 << 31 { units } else { min_allocator_size(units) };
+        let units = units(bytes);
         for (index, page) in self.pages.iter_mut().enumerate() {
             let Some(page) = page else { continue };
             if let Some(allocation) = page.space.allocate(units) {
@@ -79,7 +89,8 @@ impl Pool {
         }
         let Some(index) = self.new_page(u64::from(units) * ALIGN)? else { return Ok(None) };
         let page = self.pages[index].as_mut().expect("just made");
-        let allocation = page.space.allocate(units).expect("the page was made to hold it");
+        // The allocator rounds sizes to its bins: a page may just miss what it was made for.
+        let Some(allocation) = page.space.allocate(units) else { return Ok(None) };
         page.free_bytes -= u64::from(units) * ALIGN;
         self.used_bytes += bytes;
         Ok(Some(Slot { page: index, offset: u64::from(allocation.offset) * ALIGN, allocation, bytes, units }))
@@ -93,7 +104,7 @@ impl Pool {
         let held: u64 = self.pages.iter().flatten().map(|p| p.buffer.size()).sum();
         let left = self.budget_bytes.saturating_sub(held) / ALIGN * ALIGN;
         // The last page may be smaller than the others.
-        let size = self.page_bytes.max(bytes).min(left);
+        let size = self.page_bytes.max(bytes + bytes / 4).min(left);
         if size < bytes || size == 0 {
             return Ok(None);
         }

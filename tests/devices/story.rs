@@ -11,7 +11,7 @@ use lasray::render::camera::{Bounds, Camera, Projection};
 use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
 use lasray::section::Packed;
-use lasray::stream::pool::Access;
+use lasray::stream::pool::{Access, slot_bytes};
 use lasray::stream::scene::{Scene, Visibility};
 use std::collections::BTreeMap;
 
@@ -108,8 +108,7 @@ impl Story {
 
     /// Tells it all; what was wrong.
     pub fn run(&self, gpu: &Gpu, access: Access, without: Option<Edge>) -> Vec<String> {
-        let units = self.data.sections[0].1.layout.device_bytes().div_ceil(256) as u32;
-        let slot = 256 * u64::from(offset_allocator::ext::min_allocator_size(units));
+        let slot = slot_bytes(self.data.sections[0].1.layout.device_bytes());
         let order = |order: Order| match without {
             Some(edge) => order.without(edge),
             None => order,
@@ -136,7 +135,7 @@ impl Calm<'_> {
         self.scene.show(visibility).unwrap();
         for (key, raised) in std::mem::take(&mut self.shown) {
             if shown.get(&key) != Some(&raised) {
-                self.scene.remove(key);
+                self.scene.remove(key).unwrap();
             } else {
                 self.shown.insert(key, raised);
             }
@@ -232,7 +231,7 @@ impl Busy<'_> {
         // Others in the same slots, while the device is at work on them.
         for (place, mask) in [(3, ground), (4, all), (5, ground), (0, all)] {
             self.show(mask);
-            self.scene.remove(self.story.key(place));
+            self.scene.remove(self.story.key(place)).unwrap();
             wanted.remove(&self.story.key(place));
             self.upload(SECTIONS + place, (40 + place) * steps);
             wanted.insert(self.story.key(SECTIONS + place), (40 + place) * steps);
@@ -244,7 +243,7 @@ impl Busy<'_> {
         self.rest("slots were used again", &wanted);
 
         // All gone, and one back.
-        wanted.keys().for_each(|&key| self.scene.remove(key));
+        wanted.keys().for_each(|&key| self.scene.remove(key).unwrap());
         self.frame("nothing is left");
         self.upload(2, 0);
         self.rest("one is back", &Shown::from([(self.story.key(2), 0)]));

@@ -1,0 +1,906 @@
+//! The program as its users meet it when something is wrong: every bad input and argument ends with a message that
+//! names file, place and reason, with the right exit code, in bounded memory and time, and leaves nothing half-written.
+
+mod made;
+
+use lasray::source::LidarFile;
+use made::{Made, Packing, data_dir, lidar_files};
+use std::ffi::{OsStr, OsString};
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+/// Longer than any case takes in a debug build on a busy machine.
+const TIME: Duration = Duration::from_secs(120);
+/// Resident memory that no case may pass, driver and its "device" memory included; where it can be measured.
+const MEMORY: u64 = 700 << 20;
+/// Lines that nobody minds.
+const LINES: usize = 30;
+
+/// What came of one call.
+struct Ran {
+    code: Option<i32>,
+    /// Standard error.
+    said: String,
+    /// Standard output.
+    printed: String,
+    /// Largest resident memory seen, bytes; 0 where the system does not tell.
+    peak: u64,
+    took: Duration,
+}
+
+/// Runs the program in `folder`.
+fn run(folder: &Path, arguments: &[OsString], environment: &[(&str, &str)]) -> Ran {
+    let start = Instant::now();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_lasray"))
+        .args(arguments)
+        .current_dir(folder)
+        .envs(environment.iter().copied())
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let [said, printed] =
+        [read_aside(child.stderr.take().unwrap()), read_aside(child.stdout.take().unwrap())];
+    let mut peak = 0;
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break Some(status);
+        }
+        peak = peak.max(resident_peak(child.id()));
+        if start.elapsed() > TIME {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            break None;
+        }
+        std::thread::sleep(Duration::from_millis(3));
+    };
+    let [said, printed] = [said, printed].map(|reader| reader.join().unwrap());
+    Ran { code: status.and_then(|s| s.code()), said, printed, peak, took: start.elapsed() }
+}
+
+/// Reads on, so that the writer never waits.
+fn read_aside(mut pipe: impl Read + Send + 'static) -> std::thread::JoinHandle<String> {
+    std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        pipe.read_to_end(&mut bytes).unwrap();
+        String::from_utf8_lossy(&bytes).into_owned()
+    })
+}
+
+/// Linux alone tells of another process; elsewhere 0.
+fn resident_peak(process: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+    line.and_then(|l| l.trim().trim_end_matches(" kB").parse::<u64>().ok()).map_or(0, |kb| kb << 10)
+}
+
+type Make = dyn Fn(&Path) -> Option<Vec<OsString>> + Send + Sync;
+
+/// A call and what must come of it. Files are made in a folder of its own, pictures go to its `out`.
+struct Case {
+    name: String,
+    /// Makes the files; gives the arguments behind `render`. `None`: cannot be tried here, and has said why.
+    make: Box<Make>,
+    environment: Vec<(&'static str, &'static str)>,
+    code: i32,
+    /// Each occurs on standard error.
+    says: Vec<&'static str>,
+    /// Files in `out` afterwards.
+    pictures: Vec<&'static str>,
+    memory: u64,
+}
+
+impl Case {
+    fn new(
+        name: impl ToString,
+        code: i32,
+        says: &[&'static str],
+        make: impl Fn(&Path) -> Option<Vec<OsString>> + Send + Sync + 'static,
+    ) -> Case {
+        Case {
+            name: name.to_string(),
+            make: Box::new(make),
+            environment: Vec::new(),
+            code,
+            says: says.to_vec(),
+            pictures: if code == 0 { vec!["a.png"] } else { Vec::new() },
+            memory: MEMORY,
+        }
+    }
+
+    fn leaving(mut self, pictures: &[&'static str]) -> Case {
+        self.pictures = pictures.to_vec();
+        self
+    }
+
+    /// One file `name` with these bytes.
+    fn file(name: &'static str, bytes: Vec<u8>, code: i32, says: &[&'static str]) -> Case {
+        Case::file_with(name, bytes, &[], code, says)
+    }
+
+    /// The same with further arguments.
+    fn file_with(
+        name: &'static str,
+        bytes: Vec<u8>,
+        more: &'static [&'static str],
+        code: i32,
+        says: &[&'static str],
+    ) -> Case {
+        let title = format!("{name} {}", more.join(" "));
+        let case = Case::new(title, code, says, move |folder| {
+            fs::write(folder.join(name), &bytes).unwrap();
+            Some(words([name, "-o", "out/a.png"].into_iter().chain(more.iter().copied())))
+        });
+        // Where a file fails, its name is said.
+        if says.iter().any(|s| s.contains(name)) || code == 0 { case } else { panic!("{name} must be named") }
+    }
+
+    /// A sound file with these further arguments.
+    fn arguments(more: &'static [&'static str], code: i32, says: &[&'static str]) -> Case {
+        Case::new(more.join(" "), code, says, move |folder| {
+            fs::write(folder.join("good.las"), las(300)).unwrap();
+            let output: &[&str] = if more.contains(&"-o") { &[] } else { &["-o", "out/a.png"] };
+            Some(words(["good.las"].iter().chain(output).chain(more).copied()))
+        })
+    }
+
+    /// Runs it; gives what is wrong.
+    fn wrong(&self) -> Vec<String> {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        fs::create_dir(&out).unwrap();
+        let Some(mut arguments) = (self.make)(folder.path()) else { return Vec::new() };
+        arguments.insert(0, "render".into());
+        if !arguments.iter().any(|a| a == "--size" || a == "--ortho") {
+            arguments.extend(words(["--size", "64x36"]));
+        }
+        let ran = run(folder.path(), &arguments, &self.environment);
+        let mut left: Vec<_> = fs::read_dir(&out)
+            .map(|entries| {
+                entries.map(|e| e.unwrap().file_name().to_string_lossy().into_owned()).collect::<Vec<_>>()
+            })
+            .unwrap_or_default();
+        left.sort();
+        let mut wrong = Vec::new();
+        let mut check = |holds: bool, what: String| {
+            if !holds {
+                wrong.push(what);
+            }
+        };
+        check(ran.code == Some(self.code), format!("exit code {:?}, not {}", ran.code, self.code));
+        for &words in &self.says {
+            check(ran.said.contains(words), format!("does not say {words:?}"));
+        }
+        check(!ran.said.contains("panicked"), "panics".into());
+        check(ran.said.lines().count() <= LINES, format!("{} lines", ran.said.lines().count()));
+        check(left == self.pictures, format!("leaves {left:?}, not {:?}", self.pictures));
+        check(ran.peak <= self.memory, format!("takes {} MiB", ran.peak >> 20));
+        check(ran.took < TIME, "takes too long".into());
+        if !wrong.is_empty() {
+            wrong.push(format!("it said: {}", ran.said));
+        }
+        wrong.into_iter().map(|w| format!("{}: {w}", self.name)).collect()
+    }
+}
+
+fn words<'a>(words: impl IntoIterator<Item = &'a str>) -> Vec<OsString> {
+    words.into_iter().map(OsString::from).collect()
+}
+
+/// Runs all on two threads and tells of every failure.
+fn try_all(cases: Vec<Case>) {
+    let (next, wrong) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let Some(case) = cases.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let found = case.wrong();
+                    wrong.lock().unwrap().extend(found);
+                }
+            });
+        }
+    });
+    let wrong = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "{} cases\n{}", cases.len(), wrong.join("\n"));
+}
+
+/// A LAS 1.2 file of format 3: header to byte 227, then a record that names no CRS, then records of 34 bytes.
+fn las(points: usize) -> Vec<u8> {
+    Made::new(3, Packing::Plain, points).bytes()
+}
+
+fn with(mut bytes: Vec<u8>, at: usize, field: &[u8]) -> Vec<u8> {
+    bytes[at..at + field.len()].copy_from_slice(field);
+    bytes
+}
+
+/// Offset to the points.
+fn points_at(bytes: &[u8]) -> usize {
+    u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize
+}
+
+/// Bytes cut off so that `records` and a half remain.
+fn cut(mut bytes: Vec<u8>, records: usize) -> Vec<u8> {
+    let record = usize::from(u16::from_le_bytes([bytes[105], bytes[106]]));
+    bytes.truncate(points_at(&bytes) + records * record + record / 2);
+    bytes
+}
+
+fn open(bytes: &[u8]) -> LidarFile {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    fs::write(file.path(), bytes).unwrap();
+    LidarFile::open(file.path()).unwrap()
+}
+
+/// A layered file of five chunks, the third of which says that its layers are 4 GB long.
+fn broken_chunk() -> Vec<u8> {
+    let bytes = Made::new(7, Packing::Fixed(40), 200).bytes();
+    let chunk = open(&bytes).chunks[2].byte_offset as usize;
+    with(bytes, chunk + 36 + 4, &[0xff; 36])
+}
+
+/// A chunk table at the end of the file that claims 4 billion chunks.
+fn broken_table() -> Vec<u8> {
+    let bytes = Made::new(7, Packing::Fixed(40), 200).bytes();
+    let points = points_at(&bytes);
+    let table = u64::from_le_bytes(bytes[points..points + 8].try_into().unwrap()) as usize;
+    with(bytes, table + 4, &[0xff; 4])
+}
+
+fn broken_hierarchy() -> Vec<u8> {
+    let bytes = Made::new(7, Packing::Copc(vec![30, 50, 60, 20]), 160).bytes();
+    // The root page's offset in the info record.
+    with(bytes, 375 + 54 + 40, &u64::MAX.to_le_bytes())
+}
+
+fn bad_files() -> Vec<Case> {
+    let f = |value: f64| value.to_le_bytes();
+    let mut cases = vec![
+        Case::file("empty.las", vec![], 1, &["empty.las: empty file"]),
+        Case::file(
+            "text.las",
+            b"Once upon a time".to_vec(),
+            1,
+            &["text.las: not a LAS file: starts with \"Once\""],
+        ),
+        Case::file("photo.png", b"\x89PNG\r\n\x1a\n".to_vec(), 1, &["photo.png: not a LAS file"]),
+        Case::file(
+            "head.las",
+            las(9)[..100].to_vec(),
+            1,
+            &["head.las: ends inside its header: 100 bytes, a LAS 1.2 header has 227"],
+        ),
+        Case::file(
+            "version.las",
+            with(las(9), 24, &[2, 0]),
+            1,
+            &["version.las: header byte 24: version is 2.0"],
+        ),
+        Case::file(
+            "format.las",
+            with(las(9), 104, &[63]),
+            1,
+            &["format.las: header byte 104: point format is 63"],
+        ),
+        Case::file(
+            "cut.las",
+            cut(las(1000), 600),
+            0,
+            &["warning: cut.las: header claims 1000 points, 600 can be read, 400 are missing"],
+        ),
+        Case::file_with(
+            "cut.las",
+            cut(las(1000), 600),
+            &["--strict"],
+            1,
+            &["cut.las: header claims 1000 points, 600 can be read, 400 are missing"],
+        )
+        .leaving(&["a.png"]),
+        Case::file(
+            "count.las",
+            with(las(1000), 107, &[0xff; 4]),
+            0,
+            &["count.las: header claims 4294967295 points, 1000 can be read, 4294966295 are missing"],
+        ),
+        Case::file(
+            "count64.las",
+            with(Made::new(6, Packing::Plain, 300).bytes(), 247, &[0xff; 8]),
+            0,
+            &["count64.las: header claims 18446744073709551615 points, 300 can be read"],
+        ),
+        Case::file(
+            "behind.las",
+            with(las(9), 96, &[0xff, 0xff, 0xff, 0x7f]),
+            1,
+            &["behind.las: header byte 96: offset to point data is 2147483647, the file ends at"],
+        ),
+        Case::file(
+            "inside.las",
+            with(las(9), 96, &[9, 0, 0, 0]),
+            1,
+            &[
+                "inside.las: header byte 96: offset to point data is 9, points cannot begin inside a header of 227 bytes",
+            ],
+        ),
+        Case::file(
+            "short.las",
+            with(las(9), 105, &[10, 0]),
+            1,
+            &[
+                "short.las: header byte 105: point record length is 10, a record of format 3 has at least 34 bytes",
+            ],
+        ),
+        Case::file(
+            "nan.las",
+            with(las(300), 179, &f(f64::NAN)),
+            0,
+            &["nan.las: header byte 179: bounds are not finite or inverted"],
+        ),
+        Case::file(
+            "infinite.las",
+            with(las(300), 179, &f(f64::INFINITY)),
+            0,
+            &["infinite.las: header byte 179"],
+        ),
+        Case::file(
+            "inverted.las",
+            with(las(300), 187, &f(7e6)),
+            0,
+            &["inverted.las: header byte 179: bounds are not finite or inverted"],
+        ),
+        Case::file(
+            "scale0.las",
+            with(las(9), 131, &f(0.0)),
+            1,
+            &["scale0.las: header byte 131: X scale is 0, must be above 0 and at most 1e6"],
+        ),
+        Case::file(
+            "scale-1.las",
+            with(las(9), 147, &f(-1.0)),
+            1,
+            &["scale-1.las: header byte 147: Z scale is -1, must be above 0 and at most 1e6"],
+        ),
+        Case::file(
+            "scaleinf.las",
+            with(las(9), 139, &f(f64::INFINITY)),
+            1,
+            &["scaleinf.las: header byte 139: Y scale is inf"],
+        ),
+        Case::file(
+            "scale1e305.las",
+            with(las(300), 131, &f(1e305)),
+            1,
+            &["scale1e305.las: header byte 131: X scale is 1e305, must be above 0 and at most 1e6"],
+        ),
+        Case::file("scale1e290.las", with(las(300), 131, &f(1e290)), 1, &["scale1e290.las: header byte 131"]),
+        Case::file("scale1e-300.las", with(las(300), 131, &f(1e-300)), 0, &[]),
+        Case::file(
+            "offset.las",
+            with(las(9), 155, &f(f64::NAN)),
+            1,
+            &["offset.las: header byte 155: X offset is NaN, must lie within ±1e12"],
+        ),
+        Case::file(
+            "far.las",
+            with(las(300), 155, &f(1e300)),
+            1,
+            &["far.las: header byte 155: X offset is 1e300, must lie within ±1e12"],
+        ),
+        Case::file(
+            "high.las",
+            with(las(300), 171, &f(1e9)),
+            1,
+            &["high.las: none of 300 points lies where a cell and a height can hold it", "nothing to draw"],
+        ),
+        Case::file(
+            "chunk.laz",
+            broken_chunk(),
+            0,
+            &["error: chunk.laz: chunk 2 at byte ", "of 40 points read"],
+        ),
+        Case::file_with(
+            "chunk.laz",
+            broken_chunk(),
+            &["--strict"],
+            1,
+            &["error: chunk.laz: chunk 2 at byte "],
+        )
+        .leaving(&["a.png"]),
+        Case::file("table.laz", broken_table(), 0, &["warning: table.laz: byte ", "chunk table: "]),
+        Case::file(
+            "vlr.laz",
+            with(Made::new(3, Packing::Fixed(40), 90).bytes(), 227 + 54 + 10 + 54, &[0xff; 2]),
+            1,
+            &["vlr.laz: byte ", "LASzip record: compressor is 65535"],
+        ),
+        Case::file(
+            "octree.copc.laz",
+            broken_hierarchy(),
+            0,
+            &["warning: octree.copc.laz: byte ", "COPC hierarchy: "],
+        ),
+        Case::file("none.las", las(0), 1, &["none.las: holds no points", "nothing to draw"]),
+        Case::file(
+            "none.laz",
+            Made::new(6, Packing::Fixed(40), 0).bytes(),
+            1,
+            &["none.laz: holds no points"],
+        ),
+        Case::file("one.las", las(1), 0, &["1 point in 1 section"]),
+        // Sections of one point each: the budget is looked at before there are thousands of them.
+        Case {
+            memory: 500 << 20,
+            ..Case::file_with(
+                "fine.las",
+                scattered(60_000),
+                &["--cell", "1e-5", "--host-memory", "16MiB", "--device-memory", "16MiB"],
+                0,
+                &["fine.las: cell size ", "instead of 0.00001"],
+            )
+        },
+    ];
+    for (name, at) in [("last.las", 1), ("half.las", 18)] {
+        let mut bytes = las(2);
+        bytes.truncate(bytes.len() - at);
+        cases.push(Case::file(name, bytes, 0, &["header claims 2 points, 1 can be read, 1 are missing"]));
+    }
+    cases
+}
+
+#[test]
+fn each_bad_file_by_itself() {
+    try_all(bad_files());
+}
+
+#[test]
+fn all_bad_files_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases = bad_files();
+    for case in &cases {
+        (case.make)(folder.path());
+    }
+    let refused = || cases.iter().filter(|case| case.code == 1 && case.pictures.is_empty());
+    let ran = run(folder.path(), &words(["render", ".", "-o", "a.png", "--size", "64x36"]), &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.said);
+    assert!(folder.path().join("a.png").exists());
+    assert!(ran.peak <= MEMORY, "{} MiB", ran.peak >> 20);
+    assert!(!ran.said.contains("panicked"), "{}", ran.said);
+    let ran = run(folder.path(), &words(["info", ".", "photo.png", "--scan"]), &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.said);
+    assert!(!ran.said.contains("panicked"), "{}", ran.said);
+    for case in refused() {
+        let name = case.name.split(' ').next().unwrap();
+        assert!(ran.printed.contains(name), "{name} is not named:\n{}", ran.printed);
+    }
+    // What is sound is there all the same.
+    assert!(ran.printed.contains("fine.las"), "{}", ran.printed);
+}
+
+/// Points strewn evenly over 200 m.
+fn scattered(points: usize) -> Vec<u8> {
+    let mut bytes = las(points);
+    let start = points_at(&bytes);
+    let mut state = 1u64;
+    for record in bytes[start..].chunks_exact_mut(34) {
+        for axis in 0..2 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            let value = 1_000_000 + ((state >> 33) % 20_000) as i32;
+            record[4 * axis..4 * axis + 4].copy_from_slice(&value.to_le_bytes());
+        }
+    }
+    bytes
+}
+
+#[test]
+fn wrong_arguments() {
+    let mut cases: Vec<_> = [
+        (&["--cell", "0"][..], "0 is not above 0"),
+        (&["--cell", "-1"], "-1 is not above 0"),
+        (&["--cell", "NaN"], "'NaN' is not finite"),
+        (&["--cell", "1e-30"], "cell size 1e-30 is too small"),
+        (&["--cell", "1e-13"], "cell size 1e-13 is too small"),
+        (&["--eye", "1,2,3", "--target", "1,2,3"], "eye and target are both at 1,2,3"),
+        (&["--eye", "1,2,3"], "--target"),
+        (&["--eye", "inf,2,3", "--target", "1,2,3"], "'inf' is not finite"),
+        (&["--eye", "1e300,2,3", "--target", "1,2,3"], "must be finite"),
+        (&["--orbit", "0,91"], "elevation 91 is not within"),
+        (&["--orbit", "0,35,-2"], "distance -2 is not above 0"),
+        (&["--fov", "180"], "180 degrees is not below 180"),
+        (&["--z-scale", "-2"], "-2 is not above 0"),
+        (&["--size", "0x36"], "at least one pixel each way"),
+        (&["--size", "64"], "'64' is not WIDTHxHEIGHT"),
+        (&["--size", "4294967295x4294967295"], "4294967295x4294967295 pixels is too large for the device"),
+        (&["--size", "4294967295x1"], "4294967295x1 pixels is too large for the device"),
+        (&["--ortho", "1e-9"], "give --size, or more units"),
+        (&["--classes", "256"], "class 256 is out of range: classes are 0 to 255"),
+        (&["--classes", "7-3"], "7 is above 3"),
+        (&["--hide", "ground"], "'ground' is not a class"),
+        (&["--range", "5,1"], "5 is not below 1"),
+        (&["--range", "NaN,1"], "'NaN' is not finite"),
+        (&["--samples", "0"], "0 is not in 1..=256"),
+        (&["--device", "99"], "there is no device 99; the devices are:"),
+        (&["--device-memory", "plenty"], "'plenty' is not a number of bytes"),
+        (&["--z-unit", "cubit"], "unknown unit cubit"),
+        (&["--color", "beige"], "'beige'"),
+        (&["--wrong"], "--wrong"),
+        (&["-o", "out/a.jpg"], "out/a.jpg: pictures are written as .png or .exr"),
+        (&["-o", "out/a"], "out/a: pictures are written as .png or .exr"),
+        (&["--each", "-o", "out/a.png"], "--each needs {stem} in the output's name"),
+    ]
+    .into_iter()
+    .map(|(more, says)| Case::arguments(more, 2, &[says]))
+    .collect();
+    cases.push(Case::new("no input", 2, &["INPUT"], |_| Some(words(["-o", "out/a.png"]))));
+    cases.push(Case::new("no output", 2, &["--output"], |_| Some(words(["good.las"]))));
+    cases.push(Case::arguments(
+        &["--hide", "0-255"],
+        1,
+        &["nothing to draw: every point is of a hidden class"],
+    ));
+    cases.push(Case::arguments(
+        &["--device-memory", "1"],
+        1,
+        &["do not fit 2147483648 bytes of host and 1 bytes of device memory"],
+    ));
+    try_all(cases);
+}
+
+#[test]
+fn inputs_and_outputs() {
+    let two = |folder: &Path| {
+        for name in ["a.las", "b.las"] {
+            fs::write(folder.join(name), las(300)).unwrap();
+        }
+    };
+    let mut cases = vec![
+        Case::new("missing", 1, &["error: gone.las: no such file or folder", "nothing to draw"], |_| {
+            Some(words(["gone.las", "-o", "out/a.png"]))
+        }),
+        Case::new(
+            "pattern",
+            1,
+            &["error: gone*.las: no .las or .laz file or folder fits this pattern"],
+            |_| Some(words(["gone*.las", "-o", "out/a.png"])),
+        ),
+        Case::new("folder without", 1, &["error: sub: the folder holds no .las or .laz file"], |folder| {
+            fs::create_dir(folder.join("sub")).unwrap();
+            fs::write(folder.join("sub/readme.txt"), "no points").unwrap();
+            Some(words(["sub", "-o", "out/a.png"]))
+        }),
+        Case::new(
+            "folder named like a file",
+            1,
+            &["error: x.las: the folder holds no .las or .laz file"],
+            |folder| {
+                fs::create_dir(folder.join("x.las")).unwrap();
+                Some(words(["x.las", "-o", "out/a.png"]))
+            },
+        ),
+        Case::new("bad beside good", 0, &["error: ./bad.laz: empty file", "600 points in "], move |folder| {
+            two(folder);
+            fs::write(folder.join("bad.laz"), "").unwrap();
+            Some(words([".", "-o", "out/a.png"]))
+        }),
+        Case::new("bad beside good, strict", 1, &["bad.laz: empty file", "600 points in "], move |folder| {
+            two(folder);
+            fs::write(folder.join("bad.laz"), "").unwrap();
+            Some(words(["a.las", "b.las", "bad.laz", "--strict", "-o", "out/a.png"]))
+        })
+        .leaving(&["a.png"]),
+        Case::new(
+            "list",
+            0,
+            &["error: tiles.txt, line 3: gone.las: no such file or folder", "300 points in "],
+            move |folder| {
+                two(folder);
+                fs::write(folder.join("tiles.txt"), "# tiles\na.las\ngone.las\n").unwrap();
+                Some(words(["@tiles.txt", "-o", "out/a.png"]))
+            },
+        ),
+        Case::new("missing list", 1, &["error: gone.txt: cannot be read: "], |_| {
+            Some(words(["@gone.txt", "-o", "out/a.png"]))
+        }),
+        Case::new(
+            "list that is none",
+            1,
+            &["error: bytes.txt: not a text file in UTF-8 (byte 3)"],
+            |folder| {
+                fs::write(folder.join("bytes.txt"), b"abc\xff").unwrap();
+                Some(words(["@bytes.txt", "-o", "out/a.png"]))
+            },
+        ),
+        Case::new(
+            "each",
+            0,
+            &["out/a.png: 64x36", "out/b.png: 64x36", "error: c.las: empty file"],
+            move |folder| {
+                two(folder);
+                fs::write(folder.join("c.las"), "").unwrap();
+                Some(words(["a.las", "b.las", "c.las", "--each", "-o", "out/{stem}.png"]))
+            },
+        )
+        .leaving(&["a.png", "b.png"]),
+        Case::new(
+            "each, one name twice",
+            0,
+            &["not drawn into out/a.png: another input has that name"],
+            move |folder| {
+                two(folder);
+                fs::create_dir(folder.join("sub")).unwrap();
+                fs::write(folder.join("sub/a.las"), las(300)).unwrap();
+                Some(words(["a.las", "sub", "--each", "-o", "out/{stem}.png"]))
+            },
+        ),
+        Case::new("each, none", 1, &["error: c.las: empty file", "nothing could be drawn"], |folder| {
+            fs::write(folder.join("c.las"), "").unwrap();
+            Some(words(["c.las", "--each", "-o", "out/{stem}.png"]))
+        }),
+        Case::new("each, wrong for all", 2, &["error: good.las: at 0.000001 units a pixel"], |folder| {
+            fs::write(folder.join("good.las"), las(300)).unwrap();
+            Some(words(["good.las", "--each", "-o", "out/{stem}.png", "--ortho", "1e-6"]))
+        }),
+        Case::arguments(
+            &["-o", "gone/a.png"],
+            1,
+            &["gone/a.png: cannot be written: the folder gone does not exist"],
+        ),
+        Case::arguments(&["-o", "good.las/a.png"], 1, &["good.las/a.png: cannot be written: good.las"]),
+        Case::new("output is a folder", 1, &["sub.png: cannot be written: it is a folder"], move |folder| {
+            two(folder);
+            fs::create_dir(folder.join("sub.png")).unwrap();
+            Some(words(["a.las", "-o", "sub.png"]))
+        }),
+        Case::new("names", 0, &["Bild größe 点.png: 64x36 pixels, 300 points"], |folder| {
+            let sub = folder.join("Flug № 7 ñ");
+            fs::create_dir(&sub).unwrap();
+            fs::write(sub.join("Höhe 点群.LAS"), las(300)).unwrap();
+            Some(words(["Flug № 7 ñ/Höhe 点群.LAS", "-o", "out/Bild größe 点.png"]))
+        })
+        .leaving(&["Bild größe 点.png"]),
+        Case::new("names of broken files", 1, &["Flug № 7 ñ/Höhe [点群].LAS: empty file"], |folder| {
+            let sub = folder.join("Flug № 7 ñ");
+            fs::create_dir(&sub).unwrap();
+            fs::write(sub.join("Höhe [点群].LAS"), "").unwrap();
+            Some(words(["Flug № 7 ñ/Höhe [点群].LAS", "-o", "out/a.png"]))
+        }),
+        Case::new("names for each", 0, &["out/Höhe 点群.png: 64x36"], |folder| {
+            fs::write(folder.join("Höhe 点群.LAS"), las(300)).unwrap();
+            Some(words([".", "--each", "-o", "out/{stem}.png"]))
+        })
+        .leaving(&["Höhe 点群.png"]),
+        Case {
+            environment: vec![("VK_DRIVER_FILES", "/none.json"), ("VK_ICD_FILENAMES", "/none.json")],
+            ..Case::arguments(&[], 1, &["no Vulkan device: install a driver", "apt install"])
+        }
+        .leaving(&[]),
+        Case::new("a thousand alike", 0, &["error: and 995 more: empty file", "300 points in "], |folder| {
+            fs::create_dir(folder.join("tiles")).unwrap();
+            fs::write(folder.join("tiles/good.las"), las(300)).unwrap();
+            (0..1000).for_each(|k| fs::write(folder.join(format!("tiles/{k}.las")), "").unwrap());
+            Some(words(["tiles", "-o", "out/a.png"]))
+        }),
+    ];
+    cases.extend(of_this_system());
+    try_all(cases);
+}
+
+#[cfg(unix)]
+fn of_this_system() -> Vec<Case> {
+    use std::os::unix::ffi::OsStrExt;
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    vec![
+        Case::new("dead link", 0, &["error: sub/y.las: cannot be read: ", "300 points in "], |folder| {
+            fs::create_dir(folder.join("sub")).unwrap();
+            fs::write(folder.join("sub/a.las"), las(300)).unwrap();
+            symlink("gone", folder.join("sub/y.las")).unwrap();
+            Some(words(["sub", "-o", "out/a.png"]))
+        }),
+        Case::new("pipe", 1, &["error: pipe.las: cannot open: not a regular file"], |folder| {
+            let made = Command::new("mkfifo").arg(folder.join("pipe.las")).status();
+            if !made.is_ok_and(|status| status.success()) {
+                eprintln!("skipped: no mkfifo here");
+                return None;
+            }
+            Some(words(["pipe.las", "-o", "out/a.png"]))
+        }),
+        Case::new("unreadable", 1, &["error: shut.las: cannot open: Permission denied"], |folder| {
+            let path = folder.join("shut.las");
+            fs::write(&path, las(300)).unwrap();
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o000)).unwrap();
+            if fs::File::open(&path).is_ok() {
+                eprintln!("skipped: permissions do not hold for this user");
+                return None;
+            }
+            Some(words(["shut.las", "-o", "out/a.png"]))
+        }),
+        Case::new(
+            "read-only output",
+            1,
+            &["shut/a.png: cannot be written: shut: Permission denied"],
+            |folder| {
+                fs::write(folder.join("a.las"), las(300)).unwrap();
+                let path = folder.join("shut");
+                fs::create_dir(&path).unwrap();
+                fs::set_permissions(&path, fs::Permissions::from_mode(0o555)).unwrap();
+                if fs::write(path.join("x"), "").is_ok() {
+                    eprintln!("skipped: permissions do not hold for this user");
+                    return None;
+                }
+                Some(words(["a.las", "-o", "shut/a.png"]))
+            },
+        ),
+        Case::new("output into /proc", 1, &["/proc/a.png: cannot be written: /proc: "], |folder| {
+            if !Path::new("/proc/self").exists() {
+                eprintln!("skipped: no /proc here");
+                return None;
+            }
+            fs::write(folder.join("a.las"), las(300)).unwrap();
+            Some(words(["a.las", "-o", "/proc/a.png"]))
+        }),
+        Case::new("name in no encoding", 0, &["300 points in "], |folder| {
+            let name = OsStr::from_bytes(b"ab\xffc.las").to_owned();
+            if fs::write(folder.join(&name), las(300)).is_err() {
+                eprintln!("skipped: this file system wants names in UTF-8");
+                return None;
+            }
+            Some([name].into_iter().chain(words(["-o", "out/a.png"])).collect())
+        }),
+    ]
+}
+
+#[cfg(not(unix))]
+fn of_this_system() -> Vec<Case> {
+    Vec::new()
+}
+
+#[test]
+fn odd_and_hostile_real_files() {
+    let Some(data) = data_dir() else { return };
+    let files: Vec<PathBuf> = ["hostile", "odd"].iter().flat_map(|f| lidar_files(&data.join(f))).collect();
+    assert!(!files.is_empty());
+    let cases = files.into_iter().map(|path| {
+        let path = path.canonicalize().unwrap();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let refused = ["broken_", "no-points", "data_offset_past_eof", "empty_file", "pdrf_63", "scale_zero"];
+        let code = i32::from(refused.iter().any(|r| name.starts_with(r)));
+        let says: &[&str] = if code == 0 { &["64x36 pixels"] } else { &["nothing to draw"] };
+        Case::new(name, code, says, move |_| {
+            Some([path.clone().into()].into_iter().chain(words(["-o", "out/a.png"])).collect())
+        })
+    });
+    try_all(cases.collect());
+}
+
+/// Width, and bytes of three channels.
+fn pixels(path: &Path) -> Vec<u8> {
+    let file = std::io::BufReader::new(fs::File::open(path).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    bytes
+}
+
+/// One more record, `by` units from the first one; the header says so.
+fn with_stray(mut bytes: Vec<u8>, by: [f64; 3]) -> Vec<u8> {
+    let start = points_at(&bytes);
+    let mut record = bytes[start..start + 34].to_vec();
+    for (axis, &by) in by.iter().enumerate() {
+        let float = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        let (scale, offset, high) = (float(131 + 8 * axis), float(155 + 8 * axis), 179 + 16 * axis);
+        let raw = i32::from_le_bytes(record[4 * axis..4 * axis + 4].try_into().unwrap());
+        let stray = raw + (by / scale) as i32;
+        let reached = float(high).max(f64::from(stray) * scale + offset);
+        record[4 * axis..4 * axis + 4].copy_from_slice(&stray.to_le_bytes());
+        bytes[high..high + 8].copy_from_slice(&reached.to_le_bytes());
+    }
+    bytes.extend(record);
+    let count = u32::from_le_bytes(bytes[107..111].try_into().unwrap());
+    with(bytes, 107, &(count + 1).to_le_bytes())
+}
+
+#[test]
+fn one_stray_point_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let town = words("synth town.las --points 60k --size 90 --format 3 -q".split(' '));
+    assert_eq!(run(folder.path(), &town, &[]).code, Some(0));
+    let sound = fs::read(path("town.las")).unwrap();
+    assert_eq!(sound[104], 3);
+    let draw = |name: &str| {
+        let ran = run(folder.path(), &words(["render", name, "-o", "a.png", "--size", "160x90"]), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        assert!(ran.peak <= MEMORY, "{name} takes {} MiB", ran.peak >> 20);
+        (pixels(&path("a.png")), ran.said)
+    };
+    let (without, _) = draw("town.las");
+    for (name, by) in [
+        ("east.las", [185_000.0, 0.0, 0.0]),
+        ("west.las", [-185_000.0, -185_000.0, 0.0]),
+        ("high.las", [0.0, 0.0, 175_000.0]),
+        ("deep.las", [0.0, 0.0, -175_000.0]),
+        ("far.las", [185_000.0, 185_000.0, 175_000.0]),
+    ] {
+        fs::write(path(name), with_stray(sound.clone(), by)).unwrap();
+        let (stray, said) = draw(name);
+        assert!(said.contains("60001 points"), "{said}");
+        let pairs = without.chunks_exact(3).zip(stray.chunks_exact(3));
+        let same = pairs.filter(|(a, b)| a.iter().zip(*b).all(|(a, b)| a.abs_diff(*b) <= 2)).count();
+        let share = same as f64 / (160.0 * 90.0);
+        println!("{name}: {:.2} % of the pixels are the same", 100.0 * share);
+        assert!(share > 0.97, "{name}: {share}");
+    }
+}
+
+/// Good real files: drawn, and nothing is said but what is known of them.
+#[test]
+fn good_real_files_are_drawn_without_complaint() {
+    let Some(data) = data_dir() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let bad = |path: &Path| ["hostile", "odd"].iter().any(|f| path.starts_with(data.join(f)));
+    let files: Vec<_> = lidar_files(&data).into_iter().filter(|path| !bad(path)).collect();
+    assert!(files.len() > 50);
+    // What a surveyor would want to know of these files.
+    let known = [
+        ("lone-star.copc.laz", "warning: ", "geocentric"),
+        ("1.2-with-color.copc.laz", "note: ", "heights are in US survey foot"),
+    ];
+    let (next, wrong) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                loop {
+                    let at = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(path) = files.get(at) else { return };
+                    let path = path.canonicalize().unwrap();
+                    let picture = folder.path().join(format!("{at}.png"));
+                    let mut arguments = words(["render", "--size", "64x36", "-o"]);
+                    arguments.extend([picture.into(), path.clone().into()]);
+                    let ran = run(folder.path(), &arguments, &[]);
+                    let expected = |line: &str| {
+                        line.contains(": 64x36 pixels, ")
+                            || line.starts_with("note: height is ")
+                                && line.ends_with("everywhere, drawn grey")
+                            || known.iter().any(|&(file, start, says)| {
+                                path.ends_with(file) && line.starts_with(start) && line.contains(says)
+                            })
+                    };
+                    if ran.code != Some(0) || !ran.said.lines().all(expected) {
+                        wrong.lock().unwrap().push(format!(
+                            "{}: {:?} {}",
+                            path.display(),
+                            ran.code,
+                            ran.said
+                        ));
+                    }
+                }
+            });
+        }
+    });
+    let wrong = wrong.into_inner().unwrap();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn help_is_readable() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [&["--help"][..], &["render", "--help"], &["synth", "--help"], &["--version"]] {
+        let output = Command::new(env!("CARGO_BIN_EXE_lasray"))
+            .args(arguments)
+            .current_dir(folder.path())
+            .env("COLUMNS", "100")
+            .output()
+            .unwrap();
+        assert!(output.status.success());
+        let page = String::from_utf8(output.stdout).unwrap();
+        assert!(page.lines().all(|line| line.chars().count() <= 100), "{page}");
+    }
+    let nothing = run(folder.path(), &[], &[]);
+    assert_eq!(nothing.code, Some(2));
+    assert!(nothing.said.contains("Usage: lasray <COMMAND>"), "{}", nothing.said);
+}
