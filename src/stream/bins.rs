@@ -445,7 +445,7 @@ mod tests {
         let all = Bins::new(grid(2), EVERYWHERE, PLENTY);
         Binner::default().bin(&all, &Plain, &points);
         let all = all.finish().unwrap();
-        let device_bytes: u64 = all.sections.iter().map(|(_, c)| c.device_bytes()).sum();
+        let device_bytes: u64 = all.sections.iter().map(|(_, c)| slot_bytes(c.device_bytes())).sum();
 
         let tight = Bins::new(grid(0), EVERYWHERE, Budget { device_bytes, host_bytes: u64::MAX });
         Binner::default().bin(&tight, &Plain, &points);

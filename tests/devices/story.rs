@@ -152,6 +152,10 @@ impl Calm<'_> {
 
 impl Busy<'_> {
     fn upload(&mut self, place: i32, raised: i32) {
+        if self.at_rest {
+            // A picture comes after every build so far.
+            self.story.draw(&mut self.scene, &mut self.renderer);
+        }
         assert!(self.scene.upload(self.story.key(place), &self.story.version(raised)).unwrap(), "no room");
         if self.at_rest {
             self.scene.settle().unwrap();
