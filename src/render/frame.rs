@@ -99,7 +99,7 @@ struct FrameConstants {
     colors: [u32; 2],
     ramp: [u32; 2],
     table_mask: u32,
-    top_level: u32,
+    top_level: i32,
     low: [i32; 2],
     high: [i32; 2],
     width: u32,
@@ -424,7 +424,7 @@ impl Renderer {
             colors: place(&target.colors),
             ramp: place(&buffers.ramp),
             table_mask: table.slots.len() as u32 - 1,
-            top_level: table.top_level,
+            top_level: table.top_level as i32,
             low: table.low,
             high: table.high,
             width: view.size[0],
@@ -499,5 +499,60 @@ fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
     match (samples, sample) {
         (4, k) => [[6, 2], [14, 6], [2, 10], [10, 14]][k as usize],
         _ => [at(0.754_877_666_246_693), at(0.569_840_290_998_053)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::layout::{assert_in, members};
+
+    #[test]
+    fn shaders_see_the_structs_as_they_are_written() {
+        let traversals = [
+            ("trace", shaders::TRACE),
+            ("trace, POOL_SSBO", shaders::TRACE_SSBO),
+            ("plain", shaders::PLAIN),
+            ("plain, POOL_SSBO", shaders::PLAIN_SSBO),
+            ("shade", shaders::SHADE),
+            ("shade, POOL_SSBO", shaders::SHADE_SSBO),
+        ];
+        let constants = members!(FrameConstants {
+            table,
+            hits,
+            colors,
+            ramp,
+            table_mask,
+            top_level,
+            low,
+            high,
+            width,
+            height,
+            origin_int,
+            origin_fraction,
+            right_int,
+            right_fraction,
+            down_int,
+            down_fraction,
+            depth,
+            forward,
+            right,
+            down,
+            to_local,
+            height_anchor,
+            shade,
+            color_source,
+            range_low,
+            range_scale,
+            cell_steps,
+            sun,
+            background,
+            floor,
+        });
+        assert_in(&traversals, &constants);
+        assert_in(
+            &traversals,
+            &members!(Push { frame, sample_at, sample_index, sample_weight, first_row, rows }),
+        );
     }
 }

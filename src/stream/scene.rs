@@ -465,3 +465,23 @@ impl Scene {
         self.counters
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::layout::{assert_in, members};
+
+    #[test]
+    fn shaders_see_jobs_and_masks_as_they_are_written() {
+        let first = [("tops", shaders::TOPS), ("tops, POOL_SSBO", shaders::TOPS_SSBO)];
+        let second = [("bridge", shaders::BRIDGE), ("bridge, POOL_SSBO", shaders::BRIDGE_SSBO)];
+        let third = [("pyramid", shaders::PYRAMID), ("pyramid, POOL_SSBO", shaders::PYRAMID_SSBO)];
+        let masked = members!(Derive { visible, visible_withheld, bridge, steep });
+        for pass in [&first, &second, &third] {
+            assert_in(pass, &members!(Job { near }));
+        }
+        // The pyramid is built from what the mask has left.
+        assert_in(&first, &masked);
+        assert_in(&second, &masked);
+    }
+}
