@@ -106,31 +106,6 @@ void main() {
     if (hit.z >> 16u == FACE_TOP) z = float(int(hit.w));
     else if (z < FRAME.floor) hit.y = NO_NODE;
 
-    // The run on show; a bridged column shows the run of the column it was taken from. That may be in a
-    // neighbour which the table does not name yet, or not any more: then nothing is shown.
-    uint bridge = 0u, run = NO_RUN;
-    uvec2 place = uvec2(0);
-    Here here = Here(ivec2(0), NO_NODE, 0u);
-    ivec2 column = ivec2(0);
-    if (hit.y != NO_NODE) {
-        uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
-        here = Here(NODE[hit.y].index, hit.y, NODE[hit.y].meta & 0xFFu);
-        column = NODE[hit.y].index * int(SECTION_SIDE) + ivec2(inner);
-        place = NODE[hit.y].place;
-        uint ordered = block_order(inner);
-        bridge = pool_load(place, pool_load(place, HEADER_BRIDGES) + ordered / 4u) >> (8u * (ordered & 3u)) & 0xFFu;
-        if (bridge != 0u) {
-            ivec2 source = column + decode_bridge(bridge);
-            go_to(here, source);
-            ordered = block_order(uvec2(source) & (SECTION_SIDE - 1u));
-        }
-        if (here.slot != NO_NODE) {
-            place = NODE[here.slot].place;
-            run = pool_load(place, pool_load(place, HEADER_TOPS) + ordered);
-        }
-        if (run == NO_RUN) hit.y = NO_NODE;
-    }
-
     vec4 color = vec4(0.0);
     uint bits = 256u; // class 256: a miss
     if (hit.y == NO_NODE) {
@@ -140,9 +115,29 @@ void main() {
     } else {
         uint meta = NODE[hit.y].meta;
         int detail = int(meta >> 16u & 0xFFu);
+        uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
         uint face = hit.z >> 16u;
-        uint attributes = pool_load(place, HEADER_ATTRIBUTES) + 2u * run;
-        uint first = pool_load(place, attributes), second = pool_load(place, attributes + 1u);
+        Here here = Here(NODE[hit.y].index, hit.y, meta & 0xFFu);
+        ivec2 column = NODE[hit.y].index * int(SECTION_SIDE) + ivec2(inner);
+
+        // The run on show; a bridged column shows the run of the column it was taken from.
+        uvec2 place = NODE[hit.y].place;
+        uint ordered = block_order(inner);
+        uint bridge = pool_load(place, pool_load(place, HEADER_BRIDGES) + ordered / 4u) >> (8u * (ordered & 3u)) & 0xFFu;
+        if (bridge != 0u) {
+            ivec2 source = column + decode_bridge(bridge);
+            go_to(here, source);
+            place = here.slot == NO_NODE ? uvec2(0) : NODE[here.slot].place;
+            ordered = block_order(uvec2(source) & (SECTION_SIDE - 1u));
+        }
+        // A neighbour that has been built but not named yet shows black for a frame.
+        uint run = place == uvec2(0) ? NO_RUN : pool_load(place, pool_load(place, HEADER_TOPS) + ordered);
+        uint first = 0u, second = 0u;
+        if (run != NO_RUN) {
+            uint attributes = pool_load(place, HEADER_ATTRIBUTES) + 2u * run;
+            first = pool_load(place, attributes);
+            second = pool_load(place, attributes + 1u);
+        }
 
         float top = float(int(hit.w));
         vec3 albedo;

@@ -287,7 +287,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         budget: Budget {
             host_bytes: args.host_memory,
             // Pages of the pool do not fill up to the last byte.
-            device_bytes: device_budget(&gpu, &args) / 16 * 15,
+            device_bytes: device_budget(&gpu, &args) - device_budget(&gpu, &args) / 8,
         },
         quiet: args.quiet,
     };
@@ -580,22 +580,7 @@ fn camera(
             },
         },
     };
-    let camera = camera.map_err(usage)?;
-    Ok(match args.ortho {
-        Some(units) if args.eye.is_none() && orbit.angles[1] == 90.0 => (snapped(&camera, size, units), size),
-        _ => (camera, size),
-    })
-}
-
-/// The map moved by less than a pixel, so that its edges lie on multiples of `units`: maps side by side share one
-/// grid of pixels.
-fn snapped(camera: &Camera, size: [u32; 2], units: f64) -> Camera {
-    let corner = |middle: f64, pixels: u32| middle - 0.5 * f64::from(pixels) * units;
-    let shift = |edge: f64| (edge / units).round() * units - edge;
-    let (eye, target) = (camera.eye(), camera.target());
-    let by = DVec3::new(shift(corner(eye.x, size[0])), shift(corner(eye.y, size[1])), 0.0);
-    // The same view from a place nearby.
-    Camera::look_at(eye + by, target + by, camera.projection()).unwrap_or(*camera)
+    Ok((camera.map_err(usage)?, size))
 }
 
 /// Pixels that show all of `bounds` at `units` a pixel.
@@ -613,6 +598,5 @@ fn ortho_size(bounds: &Bounds, angles: [f64; 2], units: f64) -> anyhow::Result<[
             format!("at {units} units a pixel the data takes {w}x{h} pixels: give --size, or more units");
         return Err(UsageError(why).into());
     }
-    // One more, for the grid of pixels that maps share.
-    Ok(pixels.map(|p| p as u32 + 1))
+    Ok(pixels.map(|p| p as u32))
 }

@@ -89,8 +89,7 @@ impl Pool {
         }
         let Some(index) = self.new_page(u64::from(units) * ALIGN)? else { return Ok(None) };
         let page = self.pages[index].as_mut().expect("just made");
-        // The allocator rounds sizes to its bins: a page may just miss what it was made for.
-        let Some(allocation) = page.space.allocate(units) else { return Ok(None) };
+        let allocation = page.space.allocate(units).expect("the page was made to hold it");
         page.free_bytes -= u64::from(units) * ALIGN;
         self.used_bytes += bytes;
         Ok(Some(Slot { page: index, offset: u64::from(allocation.offset) * ALIGN, allocation, bytes, units }))
@@ -104,7 +103,7 @@ impl Pool {
         let held: u64 = self.pages.iter().flatten().map(|p| p.buffer.size()).sum();
         let left = self.budget_bytes.saturating_sub(held) / ALIGN * ALIGN;
         // The last page may be smaller than the others.
-        let size = self.page_bytes.max(bytes + bytes / 4).min(left);
+        let size = self.page_bytes.max(bytes).min(left);
         if size < bytes || size == 0 {
             return Ok(None);
         }

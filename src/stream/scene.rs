@@ -183,7 +183,12 @@ impl Scene {
                 let oldest = self.ring.oldest().expect("a piece fits an empty ring");
                 self.order.wait(oldest)?;
             };
-            let mut commands = self.order.begin_copy("upload", &self.reclaimed)?;
+            let mut after = self.reclaimed.clone();
+            if self.pool.access() == Access::StorageBuffer {
+                // Validation takes a bound buffer as touched all over.
+                after.extend(self.last_build.into_iter().chain(self.last_frame));
+            }
+            let mut commands = self.order.begin_copy("upload", &after)?;
             let to = slot.offset() + (piece * (RING_BYTES as usize / 2)) as u64;
             let range = BufferCopy { from, to, size: part.len() as u64 };
             commands.copy(self.ring.buffer(), self.pool.buffer(&slot), &[range]);

@@ -58,10 +58,10 @@ fn main_shots(data: &Data, map: &ColumnMap) -> Vec<Shot> {
 fn standing(data: &Data, map: &ColumnMap) -> DVec3 {
     let (b, cell) = (data.bounds, data.grid.cell());
     let top = |p: DVec3| map.column([p.x, p.y].map(|v| (v / cell).floor() as i64)).map(|c| c.top());
-    // The lowest column of a few near a quarter of the way in.
+    // The lowest of a few columns all over.
     let places = (0..400).map(|k| {
         let (x, y) = (f64::from(k % 20) / 20.0, f64::from(k / 20) / 20.0);
-        b.min + (b.max - b.min) * DVec3::new(0.2 + 0.2 * x, 0.2 + 0.2 * y, 0.0)
+        b.min + (b.max - b.min) * DVec3::new(0.1 + 0.8 * x, 0.1 + 0.8 * y, 0.0)
     });
     let lowest = places
         .filter_map(|p| Some(p.with_z(top(p)?)))
