@@ -456,7 +456,6 @@ pub fn upload(
 fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Result<()> {
     let Loaded { grid, sections, bounds, summary, color, crs, unit, placement, points } = loaded;
     let count = sections.len();
-    // Rounding heights up in 32-bit codes, and pages that do not fill up, take a little more than was counted.
     let pool_bytes = device_budget(gpu, args);
     let mut scene =
         Scene::new(gpu, |order: Order| order, Access::Address, pool_bytes, visibility(args), grid.cell())?;

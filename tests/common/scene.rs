@@ -1,7 +1,7 @@
 //! Scenes as the program makes them, and the same points read apart from it.
 #![allow(dead_code)] // each test file uses its part
 
-use lasray::attribute::{ClassMask, ColorMode, ColorTable};
+use lasray::attribute::{ClassMask, ColorTable};
 use lasray::coords::{Grid, Height, SectionKey};
 use lasray::gpu::{Gpu, Order};
 use lasray::load::{self, LoadOptions, Loaded};
@@ -178,6 +178,3 @@ pub fn pixels_that_differ(a: &Image, b: &Image) -> usize {
 pub fn hits_that_differ(a: &Image, b: &Image) -> usize {
     a.distance.iter().zip(&b.distance).filter(|(a, b)| a.is_finite() != b.is_finite()).count()
 }
-
-/// Colour mode for tests that need one whatever the data.
-pub const BY_CLASS: ColorMode = ColorMode::Class;

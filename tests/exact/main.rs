@@ -182,20 +182,13 @@ fn unclear(
 }
 
 fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8]) -> Vec<String> {
-    let start = std::time::Instant::now();
     let data = Data::load(&[path.to_owned()], cell);
     let mut scene = data.scene(gpu, Access::Address, MEASURED());
     let mut renderer = data.renderer(&scene);
     let points = points(path, &data.placement);
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
     let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &ClassMask::default(), false);
-    println!(
-        "{name}: {} points, cell {}, {} columns, {:?}",
-        points.len(),
-        data.grid.cell(),
-        map.len(),
-        start.elapsed()
-    );
+    println!("{name}: {} points, cell {}, {} columns", points.len(), data.grid.cell(), map.len());
     let mut shots = main_shots(&data, &map);
     if odd {
         shots.extend(odd_shots(&data));
@@ -214,7 +207,6 @@ fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8])
             &main_shots(&data, &map),
         ));
     }
-    println!("{name}: {:?}", start.elapsed());
     assert_eq!(gpu.messages(), [""; 0]);
     wrong
 }
