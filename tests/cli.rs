@@ -380,10 +380,10 @@ fn bad_files() -> Vec<Case> {
         ),
         Case::file("scale1e290.las", with(las(300), 131, &f(1e290)), 1, &["scale1e290.las: header byte 131"]),
         Case::file("scale1e-300.las", with(las(300), 131, &f(1e-300)), 0, &[]),
-        // All points within 1e-315 units of 0, 0.
+        // Both points within 1e-312 units of 0, 0, and nothing between them to end a search for the cell size.
         Case::file(
             "speck.las",
-            with(las(300), 131, &[f(1e-318), f(1e-318), f(1.0), f(0.0), f(0.0)].concat()),
+            with(las(2), 131, &[f(1e-318), f(1e-318), f(1.0), f(0.0), f(0.0)].concat()),
             0,
             &[],
         ),
