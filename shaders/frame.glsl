@@ -78,6 +78,7 @@ layout(push_constant, scalar) uniform Push {
     ivec2 sample_at; // of this pass's sample in the pixel, sixteenths from its top left corner
     uint sample_index;
     float sample_weight; // 1 / samples
+    uint first_row, rows; // the band of the picture that the hit records and colours are of
 } push;
 
 // t beyond which a ray has left everything; an axis along which it does not move is crossed later than that.
@@ -154,3 +155,6 @@ Ray ray_at(uvec2 at) {
     ray.start = -FRAME.depth * unit;
     return ray;
 }
+
+// This pass's sample of a pixel of the band, sixteenths from the picture's top left corner.
+uvec2 sample_of(uvec2 pixel) { return (pixel + uvec2(0u, push.first_row)) * 16u + uvec2(push.sample_at); }

@@ -103,6 +103,6 @@ uvec4 trace(Ray ray) {
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
-    if (pixel.x >= FRAME.width || pixel.y >= FRAME.height) return;
-    HIT[pixel.y * FRAME.width + pixel.x] = trace(ray_at(pixel * 16u + uvec2(push.sample_at)));
+    if (pixel.x >= FRAME.width || pixel.y >= push.rows) return;
+    HIT[pixel.y * FRAME.width + pixel.x] = trace(ray_at(sample_of(pixel)));
 }

@@ -96,15 +96,15 @@ vec3 sky(vec3 direction) {
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
-    if (pixel.x >= FRAME.width || pixel.y >= FRAME.height) return;
+    if (pixel.x >= FRAME.width || pixel.y >= push.rows) return;
     uint at = pixel.y * FRAME.width + pixel.x;
     uvec4 hit = HIT[at];
-    Ray ray = ray_at(pixel * 16u + uvec2(push.sample_at));
+    Ray ray = ray_at(sample_of(pixel));
 
-    // Columns are solid without end: below the floor a lit picture shows what is behind.
+    // Columns are solid without end: below the floor a lit picture shows what is behind their sides.
     float z = fma(uintBitsToFloat(hit.x), ray.step.z, float(ray.cell.z) + ray.fraction.z);
     if (hit.z >> 16u == FACE_TOP) z = float(int(hit.w));
-    if (z < FRAME.floor) hit.y = NO_NODE;
+    else if (z < FRAME.floor) hit.y = NO_NODE;
 
     vec4 color = vec4(0.0);
     uint bits = 256u; // class 256: a miss
@@ -127,12 +127,17 @@ void main() {
         if (bridge != 0u) {
             ivec2 source = column + decode_bridge(bridge);
             go_to(here, source);
-            place = NODE[here.slot].place;
+            place = here.slot == NO_NODE ? uvec2(0) : NODE[here.slot].place;
             ordered = block_order(uvec2(source) & (SECTION_SIDE - 1u));
         }
-        uint run = pool_load(place, pool_load(place, HEADER_TOPS) + ordered);
-        uint attributes = pool_load(place, HEADER_ATTRIBUTES) + 2u * run;
-        uint first = pool_load(place, attributes), second = pool_load(place, attributes + 1u);
+        // A neighbour that has been built but not named yet shows black for a frame.
+        uint run = place == uvec2(0) ? NO_RUN : pool_load(place, pool_load(place, HEADER_TOPS) + ordered);
+        uint first = 0u, second = 0u;
+        if (run != NO_RUN) {
+            uint attributes = pool_load(place, HEADER_ATTRIBUTES) + 2u * run;
+            first = pool_load(place, attributes);
+            second = pool_load(place, attributes + 1u);
+        }
 
         float top = float(int(hit.w));
         vec3 albedo;

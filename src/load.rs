@@ -225,7 +225,6 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     for (index, opened) in opened.into_iter().enumerate() {
         if let Some(placement) = sample.world.placements[index] {
             let rgb = match (sample.files[index].rgb, options.rgb_bits) {
-                (RgbDepth::None, _) => RgbDepth::None,
                 (_, Some(8)) => RgbDepth::Eight,
                 (_, Some(_)) => RgbDepth::Sixteen,
                 (chosen, None) => chosen,

@@ -548,7 +548,7 @@ fn wrong_arguments() {
     cases.push(Case::arguments(
         &["--hide", "0-255"],
         1,
-        &["nothing to draw: every point is of a hidden class"],
+        &["nothing to draw: no point is of a class that is shown"],
     ));
     cases.push(Case::arguments(
         &["--device-memory", "1"],

@@ -82,7 +82,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1.0, value_parser = positive, help_heading = "Camera")]
     z_scale: f64,
 
-    /// What colours show: auto takes RGB, else classes, else heights
+    /// What colours show: auto (RGB, else classes, else heights), rgb, height, class, intensity or return
     #[arg(long, default_value = "auto", value_parser = color, help_heading = "Colour")]
     color: Color,
     /// Colour ramp of heights and intensities
@@ -178,10 +178,11 @@ fn cell(text: &str) -> Result<Cell, String> {
 
 fn color(text: &str) -> Result<Color, String> {
     if text == "auto" {
-        Ok(Color(None))
-    } else {
-        clap::ValueEnum::from_str(text, true).map(|m| Color(Some(m)))
+        return Ok(Color(None));
     }
+    let mode = clap::ValueEnum::from_str(text, true);
+    mode.map(|m| Color(Some(m)))
+        .map_err(|_| "possible values: auto, rgb, height, class, intensity, return".to_owned())
 }
 
 fn numbers(text: &str) -> Result<Vec<f64>, String> {
@@ -262,6 +263,11 @@ fn bytes(text: &str) -> Result<u64, String> {
     if (1.0..9e18).contains(&value) { Ok(value as u64) } else { Err(wrong()) }
 }
 
+/// Bytes that sections may take on the device: what was asked for, and what it has beside the picture.
+fn device_budget(gpu: &Gpu, args: &Args) -> u64 {
+    args.device_memory.min(gpu.info().memory_bytes / 8 * 7)
+}
+
 /// Draws.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let mut problems = Problems::default();
@@ -269,20 +275,24 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if let (Some(eye), Some(target)) = (args.eye, args.target) {
         Camera::look_at(eye, target, Projection::default()).map_err(|e| UsageError(e.to_string()))?;
     }
-    let options = LoadOptions {
-        cell: args.cell.0,
-        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() },
-        rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
-        budget: Budget { host_bytes: args.host_memory, device_bytes: args.device_memory },
-        quiet: args.quiet,
-    };
     let gpu = Gpu::new(&GpuOptions { device: args.device, validate: args.validate, ..Default::default() })
         .map_err(|e| match e {
             GpuError::NoSuchDevice { .. } => UsageError(e.to_string()).into(),
             e => anyhow::Error::from(e),
         })?;
+    let options = LoadOptions {
+        cell: args.cell.0,
+        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() },
+        rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
+        budget: Budget {
+            host_bytes: args.host_memory,
+            // Pages of the pool do not fill up to the last byte.
+            device_bytes: device_budget(&gpu, &args) - device_budget(&gpu, &args) / 8,
+        },
+        quiet: args.quiet,
+    };
     if let Some(size) = args.size {
-        check_size(&gpu, Access::Address, size).map_err(|e| UsageError(e.to_string()))?;
+        check_size(&gpu, size).map_err(|e| UsageError(e.to_string()))?;
     }
 
     if args.each {
@@ -372,6 +382,9 @@ fn check_output(output: &Path, each: bool) -> anyhow::Result<()> {
     if each && !output.to_string_lossy().contains("{stem}") {
         return Err(UsageError("--each needs {stem} in the output's name: -o '{stem}.png'".to_owned()).into());
     }
+    if !each && output.to_string_lossy().contains("{stem}") {
+        return Err(UsageError("{stem} in the output's name goes with --each".to_owned()).into());
+    }
     let folder = match output.parent() {
         Some(p) if !p.as_os_str().is_empty() && !p.to_string_lossy().contains("{stem}") => p,
         Some(p) if p.to_string_lossy().contains("{stem}") => return Ok(()),
@@ -403,7 +416,12 @@ fn visibility(args: &Args) -> Visibility {
 }
 
 /// Packs on one thread while another copies; what is packed is freed.
-pub fn upload(scene: &mut Scene, sections: Vec<(crate::coords::SectionKey, Columns)>) -> anyhow::Result<()> {
+/// Gives the classes that are there, in any order.
+pub fn upload(
+    scene: &mut Scene,
+    sections: Vec<(crate::coords::SectionKey, Columns)>,
+) -> anyhow::Result<Vec<u8>> {
+    let mut present = Vec::new();
     let (send, receive) = crossbeam_channel::bounded::<(crate::coords::SectionKey, Packed)>(4);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let work = std::sync::Mutex::new(sections.into_iter());
@@ -423,6 +441,7 @@ pub fn upload(scene: &mut Scene, sections: Vec<(crate::coords::SectionKey, Colum
         }
         drop(send);
         for (key, packed) in receive {
+            present.extend(packed.highest_of.iter().map(|(class, _, _)| class));
             anyhow::ensure!(
                 scene.upload(key, &packed)?,
                 "the sections do not fit the device memory: give more with --device-memory, or a larger --cell"
@@ -431,18 +450,23 @@ pub fn upload(scene: &mut Scene, sections: Vec<(crate::coords::SectionKey, Colum
         Ok(())
     })?;
     scene.settle()?;
-    Ok(())
+    Ok(present)
 }
 
 fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Result<()> {
     let Loaded { grid, sections, bounds, summary, color, crs, unit, placement, points } = loaded;
     let count = sections.len();
     // Rounding heights up in 32-bit codes, and pages that do not fill up, take a little more than was counted.
-    let pool_bytes = args.device_memory + args.device_memory / 8 + (64 << 20);
+    let pool_bytes = device_budget(gpu, args);
     let mut scene =
         Scene::new(gpu, |order: Order| order, Access::Address, pool_bytes, visibility(args), grid.cell())?;
-    upload(&mut scene, sections)?;
-    anyhow::ensure!(!scene.entries().is_empty(), "nothing to draw: every point is of a hidden class");
+    let mut present = upload(&mut scene, sections)?;
+    if scene.entries().is_empty() {
+        present.sort_unstable();
+        present.dedup();
+        let present = present.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
+        anyhow::bail!("nothing to draw: no point is of a class that is shown; there are {present}");
+    }
 
     let mode = args.color.0.unwrap_or(color);
     let colors =
@@ -456,12 +480,14 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
     let pivot = bounds.min.z;
     let shown = bounds.exaggerated(args.z_scale, pivot);
     let place = |v: DVec3| placement.place(v.x, v.y, v.z);
-    let (camera, size) = camera(args, &shown, place)?;
     let exr = Format::of(output)? == Format::Exr;
     let exact = exr || args.shade == Shade::None;
     // A slab under the data; low stray points do not make it deeper.
     let low = bounds.min.z.max(summary.height.p2 - (summary.height.p98 - summary.height.p2));
     let floor = low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * grid.cell();
+    let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
+    let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
+    let (camera, size) = camera(args, &framed, place)?;
     let view = View {
         camera: &camera,
         size,
@@ -495,8 +521,9 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
         let cell = tidy(grid.cell());
         let unit = unit.as_ref().map_or(if cell == "1" { "unit" } else { "units" }, |u| u.symbol());
         let plural = |n: u64, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+        let legend = colors.range.map_or(String::new(), |(lo, hi)| format!(" from {lo:.1} to {hi:.1}"));
         eprintln!(
-            "{}: {}x{} pixels, {} in {}, cells of {cell} {unit}, coloured by {}",
+            "{}: {}x{} pixels, {} in {}, cells of {cell} {unit}, coloured by {}{legend}",
             output.display(),
             size[0],
             size[1],
@@ -511,11 +538,7 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
 fn write(image: &Image, view: &View, output: &Path) -> anyhow::Result<()> {
     let [e, t] =
         [view.camera.eye(), view.camera.target()].map(|v| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z));
-    let notes = [
-        ("Software", concat!("lasray ", env!("CARGO_PKG_VERSION"))),
-        ("Eye", e.as_str()),
-        ("Target", t.as_str()),
-    ];
+    let notes = [("Eye", e.as_str()), ("Target", t.as_str())];
     image.write(output, view.background == Background::None, &notes)?;
     Ok(())
 }

@@ -7,6 +7,8 @@
 
 mod command;
 mod device;
+#[cfg(test)]
+pub(crate) mod layout;
 mod memory;
 mod order;
 mod pipeline;

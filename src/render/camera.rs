@@ -518,9 +518,10 @@ mod tests {
             let looked = Camera::look_at(orbit.eye(), orbit.target(), Projection::default()).unwrap();
             for camera in [orbit, looked] {
                 let [a, e] = camera.angles();
-                assert!((a - az).abs() < 1e-6 && (e - el).abs() < 1e-6, "{az},{el} became {a},{e}");
+                // Eyes lie on a lattice: a millionth of a unit turns a view by this much.
+                assert!((a - az).abs() < 1e-5 && (e - el).abs() < 1e-5, "{az},{el} became {a},{e}");
             }
-            assert!((orbit.right() - looked.right()).length() < 1e-8);
+            assert!((orbit.right() - looked.right()).length() < 1e-7);
         }
     }
 

@@ -9,7 +9,7 @@ use crate::gpu::{
 };
 use crate::stream::pool::Access;
 use crate::stream::scene::Scene;
-use crate::stream::table::{Entry, Table};
+use crate::stream::table::Table;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -99,7 +99,7 @@ struct FrameConstants {
     colors: [u32; 2],
     ramp: [u32; 2],
     table_mask: u32,
-    top_level: u32,
+    top_level: i32,
     low: [i32; 2],
     high: [i32; 2],
     width: u32,
@@ -134,6 +134,8 @@ struct Push {
     sample_at: [i32; 2],
     sample_index: u32,
     sample_weight: f32,
+    first_row: u32,
+    rows: u32,
 }
 
 /// Mirrors a hit record after shading.
@@ -199,26 +201,39 @@ fn fixed3(a: DVec3, b: DVec3) -> ([i32; 3], [u32; 3]) {
     (sum.map(|bits| (bits >> 32) as i32), sum.map(|bits| bits as u32))
 }
 
-/// Bytes that each plane of a picture of `size` takes; an error where the device cannot draw so many pixels.
-pub fn check_size(gpu: &Gpu, access: Access, size: [u32; 2]) -> Result<u64, FrameError> {
+/// Rays that one submit traces: large pictures go in bands of rows, one sample of a pixel at a time, so that no
+/// submit runs for long (drivers end those that do) and device memory does not grow with the picture.
+const SUBMIT_RAYS: u64 = 1 << 21;
+/// Most pixels of a picture: 32 bytes each in host memory.
+const MOST_PIXELS: u64 = 1 << 27;
+
+/// An error where a picture of `size` cannot be drawn.
+pub fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), FrameError> {
     let limits = gpu.limits();
     let too_large = |limit| FrameError::Size { width: size[0], height: size[1], limit };
-    for (pixels, (group, groups)) in size.into_iter().zip(GROUP.into_iter().zip(limits.workgroups)) {
-        if pixels.div_ceil(group) > groups {
-            return Err(too_large(format!("{} pixels a side", u64::from(group) * u64::from(groups))));
-        }
+    let most = u64::from(GROUP[0]) * u64::from(limits.workgroups[0]);
+    if u64::from(size[0]) > most {
+        return Err(too_large(format!("{most} pixels across")));
     }
-    let buffer = match access {
-        Access::Address => limits.buffer_bytes.min(limits.allocation_bytes),
-        Access::StorageBuffer => limits.storage_buffer_range,
-    };
-    // Hits and colours lie in device memory at the same time.
-    let most = buffer.min(gpu.info().memory_bytes / 2) / BYTES_PER_PIXEL;
-    let pixels = u64::from(size[0]) * u64::from(size[1]);
-    if pixels > most {
-        return Err(too_large(format!("{most} pixels in all")));
+    if u64::from(size[0]) * u64::from(size[1]) > MOST_PIXELS {
+        return Err(too_large(format!("{MOST_PIXELS} pixels in all")));
     }
-    Ok(pixels * BYTES_PER_PIXEL)
+    Ok(())
+}
+
+/// Rows of one band of a picture of `size`.
+fn band_rows(size: [u32; 2]) -> u32 {
+    let rows = (SUBMIT_RAYS / u64::from(size[0])).max(1) as u32;
+    rows.next_multiple_of(GROUP[1]).min(size[1])
+}
+
+/// Part of a picture that one submit works on.
+#[derive(Clone, Copy)]
+struct Band {
+    first_row: u32,
+    rows: u32,
+    sample: u32,
+    samples: u32,
 }
 
 impl Renderer {
@@ -254,19 +269,34 @@ impl Renderer {
         let depth = shown.depth_of(&bounds, view.camera.forward(), view.size) - self.grid.cell();
         let shown = shown.advance(((depth * 16.0).floor() / 16.0).max(0.0));
         let rays = shown.exaggerated(view.z_scale, view.pivot)?;
-        let point = self.submit(scene, view, &entries, &shown, &rays)?;
-        let target = self.target.as_ref().expect("submit made it");
-        let pixels = view.size[0] as usize * view.size[1] as usize;
-        let mut hits = vec![Hit::zeroed(); pixels];
-        let mut colors = vec![[0f32; 4]; pixels];
-        scene.order.read(point, &target.hits_back, 0, bytemuck::cast_slice_mut(&mut hits))?;
-        scene.order.read(point, &target.colors_back, 0, bytemuck::cast_slice_mut(&mut colors))?;
-        Ok(self.finish(view, &shown, &rays, &hits, colors))
+        check_size(scene.gpu(), view.size)?;
+        let table = Table::build(&entries, self.anchor);
+        let mut image = Image::new(view.size);
+        let [width, height] = view.size;
+        let samples = view.samples.max(1);
+        let mut hits = Vec::new();
+        for first_row in (0..height).step_by(band_rows(view.size) as usize) {
+            let rows = band_rows(view.size).min(height - first_row);
+            let mut last = None;
+            for sample in 0..samples {
+                let band = Band { first_row, rows, sample, samples };
+                last = Some(self.submit(scene, view, &table, &shown, &rays, band)?);
+            }
+            let point = last.expect("there is a sample");
+            let target = self.target.as_ref().expect("submit made it");
+            let (from, pixels) = (first_row as usize * width as usize, rows as usize * width as usize);
+            hits.resize(pixels, Hit::zeroed());
+            let colors = bytemuck::cast_slice_mut(&mut image.color[from..from + pixels]);
+            scene.order.read(point, &target.hits_back, 0, bytemuck::cast_slice_mut(&mut hits))?;
+            scene.order.read(point, &target.colors_back, 0, colors)?;
+            self.finish(&shown, &rays, &hits, from, &mut image);
+        }
+        Ok(image)
     }
 
     fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2]) -> Result<(), FrameError> {
         let gpu = scene.gpu();
-        let bytes = check_size(gpu, self.access, size)?;
+        let bytes = u64::from(size[0]) * u64::from(band_rows(size)) * BYTES_PER_PIXEL;
         if self.target.as_ref().is_none_or(|t| t.size != size) {
             self.target = None;
             self.target = Some(Target {
@@ -285,13 +315,13 @@ impl Renderer {
         &mut self,
         scene: &mut Scene,
         view: &View,
-        entries: &[Entry],
+        table: &Table,
         shown: &RayBasis,
         rays: &RayBasis,
+        band: Band,
     ) -> Result<SyncPoint, FrameError> {
         let (mut commands, slot) = scene.order.begin_frame("frame")?;
         self.prepare(scene, slot, view.size)?;
-        let table = Table::build(entries, self.anchor);
         let table_bytes: &[u8] = bytemuck::cast_slice(&table.slots);
         let gpu = scene.gpu().clone();
         let kept = self.in_flight[slot].take().filter(|f| f.table.size() >= table_bytes.len() as u64);
@@ -307,7 +337,7 @@ impl Renderer {
             }
         };
         let target = self.target.as_ref().expect("prepared");
-        let constants = self.constants(view, &table, shown, rays, &buffers, target);
+        let constants = self.constants(view, table, shown, rays, &buffers, target);
         buffers.table.write(0, table_bytes);
         buffers.ramp.write(0, bytemuck::cast_slice(view.colors.table.as_slice()));
         buffers.frame.write(0, bytemuck::bytes_of(&constants));
@@ -316,7 +346,7 @@ impl Renderer {
             Traversal::Fast => &self.trace,
             Traversal::Plain => &self.plain,
         };
-        let groups = [view.size[0].div_ceil(GROUP[0]), view.size[1].div_ceil(GROUP[1]), 1];
+        let groups = [view.size[0].div_ceil(GROUP[0]), band.rows.div_ceil(GROUP[1]), 1];
         for buffer in [&buffers.frame, &buffers.table, &buffers.ramp, &target.hits, &target.colors] {
             commands.keep(buffer.clone());
         }
@@ -331,28 +361,31 @@ impl Renderer {
             program.binding(&all).map(Some)
         };
         let (trace_binding, shade_binding) = (bindings(trace)?, bindings(&self.shade)?);
-        for sample in 0..view.samples.max(1) {
-            let push = Push {
-                frame: halves(buffers.frame.address()),
-                sample_at: sample_at(sample, view.samples.max(1)),
-                sample_index: sample,
-                sample_weight: 1.0 / view.samples.max(1) as f32,
-            };
-            for (program, binding) in [(trace, &trace_binding), (&self.shade, &shade_binding)] {
-                if sample > 0 || std::ptr::eq(program, &self.shade) {
-                    scene.order.next_pass(&mut commands);
-                }
-                commands.bind(program);
-                commands.push(bytemuck::bytes_of(&push));
-                if let Some(binding) = binding {
-                    commands.bind_buffers(binding);
-                }
-                commands.dispatch(groups);
+        let push = Push {
+            frame: halves(buffers.frame.address()),
+            sample_at: sample_at(band.sample, band.samples),
+            sample_index: band.sample,
+            sample_weight: 1.0 / band.samples as f32,
+            first_row: band.first_row,
+            rows: band.rows,
+        };
+        for (program, binding) in [(trace, &trace_binding), (&self.shade, &shade_binding)] {
+            if std::ptr::eq(program, &self.shade) {
+                scene.order.next_pass(&mut commands);
             }
+            commands.bind(program);
+            commands.push(bytemuck::bytes_of(&push));
+            if let Some(binding) = binding {
+                commands.bind_buffers(binding);
+            }
+            commands.dispatch(groups);
         }
-        let all = BufferCopy { from: 0, to: 0, size: target.hits.size() };
-        let copies = [(&target.hits, &target.hits_back, all), (&target.colors, &target.colors_back, all)];
-        scene.order.readback(&mut commands, &copies);
+        if band.sample + 1 == band.samples {
+            let pixels = u64::from(view.size[0]) * u64::from(band.rows);
+            let all = BufferCopy { from: 0, to: 0, size: pixels * BYTES_PER_PIXEL };
+            let copies = [(&target.hits, &target.hits_back, all), (&target.colors, &target.colors_back, all)];
+            scene.order.readback(&mut commands, &copies);
+        }
         let point = scene.order.submit(commands)?;
         scene.drawn(point);
         self.in_flight[slot] = Some(buffers);
@@ -391,7 +424,7 @@ impl Renderer {
             colors: place(&target.colors),
             ramp: place(&buffers.ramp),
             table_mask: table.slots.len() as u32 - 1,
-            top_level: table.top_level,
+            top_level: table.top_level as i32,
             low: table.low,
             high: table.high,
             width: view.size[0],
@@ -432,19 +465,10 @@ impl Renderer {
         }
     }
 
-    /// Channels of the picture: distances and heights in f64 from what the device found.
-    fn finish(
-        &self,
-        view: &View,
-        shown: &RayBasis,
-        rays: &RayBasis,
-        hits: &[Hit],
-        colors: Vec<[f32; 4]>,
-    ) -> Image {
-        let [width, _] = view.size;
-        let mut image = Image::new(view.size);
-        for (at, (hit, color)) in hits.iter().zip(colors).enumerate() {
-            image.color[at] = color;
+    /// Channels of the picture's pixels from `from` on: distances and heights in f64 from what the device found.
+    fn finish(&self, shown: &RayBasis, rays: &RayBasis, hits: &[Hit], from: usize, image: &mut Image) {
+        let width = image.width;
+        for (at, hit) in (from..).zip(hits) {
             let class = hit.bits & 0x1FF;
             image.class[at] = class;
             if class == 256 {
@@ -461,7 +485,6 @@ impl Renderer {
                 (rays.origin(px, py).z + t * along) as f32
             };
         }
-        image
     }
 }
 
@@ -476,5 +499,60 @@ fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
     match (samples, sample) {
         (4, k) => [[6, 2], [14, 6], [2, 10], [10, 14]][k as usize],
         _ => [at(0.754_877_666_246_693), at(0.569_840_290_998_053)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::layout::{assert_in, members};
+
+    #[test]
+    fn shaders_see_the_structs_as_they_are_written() {
+        let traversals = [
+            ("trace", shaders::TRACE),
+            ("trace, POOL_SSBO", shaders::TRACE_SSBO),
+            ("plain", shaders::PLAIN),
+            ("plain, POOL_SSBO", shaders::PLAIN_SSBO),
+            ("shade", shaders::SHADE),
+            ("shade, POOL_SSBO", shaders::SHADE_SSBO),
+        ];
+        let constants = members!(FrameConstants {
+            table,
+            hits,
+            colors,
+            ramp,
+            table_mask,
+            top_level,
+            low,
+            high,
+            width,
+            height,
+            origin_int,
+            origin_fraction,
+            right_int,
+            right_fraction,
+            down_int,
+            down_fraction,
+            depth,
+            forward,
+            right,
+            down,
+            to_local,
+            height_anchor,
+            shade,
+            color_source,
+            range_low,
+            range_scale,
+            cell_steps,
+            sun,
+            background,
+            floor,
+        });
+        assert_in(&traversals, &constants);
+        assert_in(
+            &traversals,
+            &members!(Push { frame, sample_at, sample_index, sample_weight, first_row, rows }),
+        );
     }
 }

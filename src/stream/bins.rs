@@ -8,7 +8,7 @@ use crate::attribute::{Attributes, Record};
 use crate::coords::{CellIndex, Grid, Height, SECTION_SIDE, SectionKey};
 use crate::section::Columns;
 use crate::source::PointBlock;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, TryLockError};
 
@@ -17,6 +17,8 @@ const MOST_COARSENINGS: u32 = 16;
 
 /// Sections far outside the rest that are still drawn; when there are more, all of them are noise.
 const MOST_STRAYS: usize = 32;
+/// Points far outside the rest that are kept until it is known how many sections they fill.
+const MOST_STRAY_POINTS: usize = 1 << 16;
 
 /// Most sections that are touched between two looks at the budget. A block of scattered points may lie in as many
 /// sections as it has points.
@@ -35,7 +37,8 @@ pub struct Budget {
 pub struct Bins {
     /// Read-locked while a block is binned; write-locked to coarsen.
     grid: RwLock<Grid>,
-    sections: Mutex<Sections>,
+    sections: Mutex<HashMap<SectionKey, Shared>>,
+    strays: Mutex<Strays>,
     /// Cells (base grid, before coarsening) that the robust bounds reach over: what lies outside is a stray.
     core: [std::ops::Range<i64>; 2],
     budget: Budget,
@@ -44,12 +47,12 @@ pub struct Bins {
     outside: AtomicU64,
 }
 
+/// Points outside the core, kept aside: which of them are drawn must not depend on the cell size of the moment.
 #[derive(Default)]
-struct Sections {
-    near: HashMap<SectionKey, Shared>,
-    strays: HashMap<SectionKey, Shared>,
-    /// There were more than [`MOST_STRAYS`]; none is kept.
-    strays_dropped: bool,
+struct Strays {
+    /// E, N; empty once there were more than [`MOST_STRAY_POINTS`].
+    points: Vec<([f64; 2], Record)>,
+    count: u64,
 }
 
 type Shared = Arc<Mutex<Columns>>;
@@ -76,6 +79,7 @@ impl Bins {
         Bins {
             grid: RwLock::new(grid),
             sections: Mutex::default(),
+            strays: Mutex::default(),
             core,
             budget,
             host_bytes: AtomicU64::new(0),
@@ -88,30 +92,27 @@ impl Bins {
         self.grid.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether all of `key` lies outside the core.
-    fn is_stray(&self, grid: &Grid, key: SectionKey) -> bool {
-        let side = i64::from(SECTION_SIDE) << grid.coarsen;
-        [key.i, key.j].into_iter().enumerate().any(|(axis, index)| {
-            let first = i64::from(index) * side + (grid.anchor[axis] << grid.coarsen);
-            first + side <= self.core[axis].start || first >= self.core[axis].end
-        })
+    /// Whether a cell of the base grid lies outside the core.
+    #[inline]
+    fn is_stray(&self, grid: &Grid, [e, n]: [f64; 2]) -> bool {
+        let [i, j] = [e, n].map(|v| v / grid.base_cell);
+        let [columns, rows] = &self.core;
+        i < columns.start as f64 || i >= columns.end as f64 || j < rows.start as f64 || j >= rows.end as f64
     }
 
-    /// The section `key`, made if need be; `None` for a stray that is not kept. And whether it is a stray.
-    fn section(&self, grid: &Grid, key: SectionKey) -> Option<(Shared, bool)> {
-        let stray = self.is_stray(grid, key);
-        let mut sections = lock(&self.sections);
-        if stray && sections.strays_dropped {
-            return None;
+    fn keep_stray(&self, at: [f64; 2], record: Record) {
+        let mut strays = lock(&self.strays);
+        strays.count += 1;
+        if strays.count > MOST_STRAY_POINTS as u64 {
+            strays.points = Vec::new();
+        } else {
+            strays.points.push((at, record));
         }
-        if stray && sections.strays.len() == MOST_STRAYS && !sections.strays.contains_key(&key) {
-            let dropped: u64 = sections.strays.drain().map(|(_, s)| lock(&s).points()).sum();
-            self.outside.fetch_add(dropped, Ordering::Relaxed);
-            sections.strays_dropped = true;
-            return None;
-        }
-        let map = if stray { &mut sections.strays } else { &mut sections.near };
-        Some((Arc::clone(map.entry(key).or_default()), stray))
+    }
+
+    /// The section `key`, made if need be.
+    fn section(&self, key: SectionKey) -> Shared {
+        Arc::clone(lock(&self.sections).entry(key).or_default())
     }
 
     fn over_budget(&self) -> bool {
@@ -140,21 +141,16 @@ impl Bins {
         grid.anchor = grid.anchor.map(|a| a >> 1);
         let mut sections = lock(&self.sections);
         let mut parents = HashMap::<SectionKey, Columns>::new();
-        let Sections { near, strays, .. } = &mut *sections;
-        for (key, child) in near.drain().chain(strays.drain()) {
+        for (key, child) in sections.drain() {
             // Keys stay at level 0: the grid itself is coarser now.
             let parent = parents.entry(SectionKey { level: 0, ..key.parent() }).or_default();
             lock(&child).coarsen_into(key.i, key.j, parent);
         }
         let (mut host, mut device) = (0, 0);
         for (key, parent) in parents {
-            let stray = self.is_stray(&grid, key);
-            if !stray {
-                host += parent.bytes() as u64;
-                device += parent.device_bytes();
-            }
-            let map = if stray { &mut sections.strays } else { &mut sections.near };
-            map.insert(key, Arc::new(Mutex::new(parent)));
+            host += parent.bytes() as u64;
+            device += parent.device_bytes();
+            sections.insert(key, Arc::new(Mutex::new(parent)));
         }
         self.host_bytes.store(host, Ordering::Relaxed);
         self.device_bytes.store(device, Ordering::Relaxed);
@@ -167,22 +163,33 @@ impl Bins {
         if self.over_budget() {
             return None;
         }
+        let grid = self.grid.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let strays = self.strays.into_inner().unwrap_or_else(PoisonError::into_inner);
         let sections = self.sections.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let mut sections: Vec<_> = sections
-            .near
+        let mut sections: HashMap<_, _> = sections
             .into_iter()
-            .chain(sections.strays)
             .map(|(key, shared)| {
                 let mutex = Arc::into_inner(shared).expect("no thread bins any more");
                 (key, mutex.into_inner().unwrap_or_else(PoisonError::into_inner))
             })
             .collect();
+        let mut outside = self.outside.into_inner();
+        // A few strays are drawn, in sections of their own or in others'; a cloud of them is noise.
+        let cells: Vec<_> = strays.points.iter().filter_map(|(at, _)| grid.cell_of(at[0], at[1])).collect();
+        let own: HashSet<_> =
+            cells.iter().map(|&c| SectionKey::of(c)).filter(|key| !sections.contains_key(key)).collect();
+        if own.len() > MOST_STRAYS || strays.points.len() as u64 != strays.count {
+            outside += strays.count;
+        } else {
+            let side = SECTION_SIDE as i32 - 1;
+            for (cell, (_, record)) in cells.into_iter().zip(strays.points) {
+                let columns: &mut Columns = sections.entry(SectionKey::of(cell)).or_default();
+                columns.add((cell.i & side) as u32, (cell.j & side) as u32, record);
+            }
+        }
+        let mut sections: Vec<_> = sections.into_iter().collect();
         sections.sort_unstable_by_key(|(key, _)| *key);
-        Some(Binned {
-            grid: self.grid.into_inner().unwrap_or_else(PoisonError::into_inner),
-            sections,
-            outside: self.outside.into_inner(),
-        })
+        Some(Binned { grid, sections, outside })
     }
 }
 
@@ -232,7 +239,7 @@ impl Binner {
 
         let side = SECTION_SIDE - 1;
         let mut grown = [0i64; 2];
-        let mut add = |section: usize, columns: &mut Columns, stray: bool| {
+        let mut add = |section: usize, columns: &mut Columns| {
             let before = if columns.points() == 0 {
                 [0; 2]
             } else {
@@ -242,36 +249,30 @@ impl Binner {
                 let point = self.placed[i as usize];
                 columns.add(point.column & side, point.column >> 8, point.record);
             }
-            if !stray {
-                grown[0] += columns.bytes() as i64 - before[0];
-                grown[1] += columns.device_bytes() as i64 - before[1];
-            }
+            grown[0] += columns.bytes() as i64 - before[0];
+            grown[1] += columns.device_bytes() as i64 - before[1];
         };
         // Sections that another thread holds come last, so that threads seldom wait for each other.
         let mut held = Vec::new();
         for (section, &key) in self.keys.iter().enumerate() {
-            let Some((shared, stray)) = bins.section(&grid, key) else {
-                let points = self.starts[section + 1] - self.starts[section];
-                bins.outside.fetch_add(points.into(), Ordering::Relaxed);
-                continue;
-            };
+            let shared = bins.section(key);
             let busy = match shared.try_lock() {
                 Ok(mut columns) => {
-                    add(section, &mut columns, stray);
+                    add(section, &mut columns);
                     false
                 }
                 Err(TryLockError::Poisoned(columns)) => {
-                    add(section, &mut columns.into_inner(), stray);
+                    add(section, &mut columns.into_inner());
                     false
                 }
                 Err(TryLockError::WouldBlock) => true,
             };
             if busy {
-                held.push((section, shared, stray));
+                held.push((section, shared));
             }
         }
-        for (section, shared, stray) in held {
-            add(section, &mut lock(&shared), stray);
+        for (section, shared) in held {
+            add(section, &mut lock(&shared));
         }
 
         bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
@@ -306,6 +307,18 @@ impl Binner {
                 outside += 1;
                 continue;
             };
+            let record = Record::pack(Attributes {
+                height,
+                class: block.class[i],
+                intensity: block.intensity[i],
+                rgb: meaning.rgb(block, i),
+                returns: block.returns[i],
+                flags: block.flags[i],
+            });
+            if bins.is_stray(grid, [at.x, at.y]) {
+                bins.keep_stray([at.x, at.y], record);
+                continue;
+            }
             let key = SectionKey::of(CellIndex { i: ci, j: cj });
             if key != last.0 {
                 let keys = &mut self.keys;
@@ -316,18 +329,8 @@ impl Binner {
                 last = (key, index);
             }
             let side = SECTION_SIDE as i32 - 1;
-            self.placed.push(Placed {
-                section: last.1,
-                column: ((cj & side) << 8 | (ci & side)) as u32,
-                record: Record::pack(Attributes {
-                    height,
-                    class: block.class[i],
-                    intensity: block.intensity[i],
-                    rgb: meaning.rgb(block, i),
-                    returns: block.returns[i],
-                    flags: block.flags[i],
-                }),
-            });
+            let column = ((cj & side) << 8 | (ci & side)) as u32;
+            self.placed.push(Placed { section: last.1, column, record });
         }
         if outside > 0 {
             bins.outside.fetch_add(outside, Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! The pool: device memory in which payloads lie, in pages, sub-allocated. It knows only bytes.
 
 use crate::gpu::{Buffer, Gpu, GpuError, MemoryKind};
-use offset_allocator::{Allocation, Allocator};
+use offset_allocator::{Allocation, Allocator, ext::min_allocator_size};
 
 /// Bytes of a page: small enough for devices that cap a storage buffer at 128 MiB.
 const PAGE_BYTES: u64 = 64 << 20;
@@ -24,7 +24,9 @@ pub struct Slot {
     page: usize,
     allocation: Allocation,
     offset: u64,
+    /// What was asked for, and what it takes of the page.
     bytes: u64,
+    units: u32,
 }
 
 impl Slot {
@@ -62,14 +64,17 @@ impl Pool {
 
     /// A place for `bytes`; `None` when the budget has no room for it.
     pub fn alloc(&mut self, bytes: u64) -> Result<Option<Slot>, GpuError> {
+        // The allocator keeps free space by size classes, and looks into those alone that hold nothing smaller
+        // than what is asked for: a place of a class's very size (at most 12.5 % more) is found again.
         let units = u32::try_from(bytes.div_ceil(ALIGN)).unwrap_or(u32::MAX);
+        let units = if units > 1 << 31 { units } else { min_allocator_size(units) };
         for (index, page) in self.pages.iter_mut().enumerate() {
             let Some(page) = page else { continue };
             if let Some(allocation) = page.space.allocate(units) {
                 page.free_bytes -= u64::from(units) * ALIGN;
                 self.used_bytes += bytes;
                 let offset = u64::from(allocation.offset) * ALIGN;
-                return Ok(Some(Slot { page: index, allocation, offset, bytes }));
+                return Ok(Some(Slot { page: index, allocation, offset, bytes, units }));
             }
         }
         let Some(index) = self.new_page(u64::from(units) * ALIGN)? else { return Ok(None) };
@@ -77,12 +82,12 @@ impl Pool {
         let allocation = page.space.allocate(units).expect("the page was made to hold it");
         page.free_bytes -= u64::from(units) * ALIGN;
         self.used_bytes += bytes;
-        Ok(Some(Slot { page: index, offset: u64::from(allocation.offset) * ALIGN, allocation, bytes }))
+        Ok(Some(Slot { page: index, offset: u64::from(allocation.offset) * ALIGN, allocation, bytes, units }))
     }
 
     /// Adds a page that holds at least `bytes`, if the budget allows.
     fn new_page(&mut self, bytes: u64) -> Result<Option<usize>, GpuError> {
-        if self.access == Access::StorageBuffer && !self.pages.is_empty() {
+        if self.access == Access::StorageBuffer && self.buffers().next().is_some() {
             return Ok(None);
         }
         let held: u64 = self.pages.iter().flatten().map(|p| p.buffer.size()).sum();
@@ -109,7 +114,7 @@ impl Pool {
     pub fn free(&mut self, slot: Slot) {
         let page = self.pages[slot.page].as_mut().expect("a slot's page stays");
         page.space.free(slot.allocation);
-        page.free_bytes += slot.bytes.div_ceil(ALIGN) * ALIGN;
+        page.free_bytes += u64::from(slot.units) * ALIGN;
         self.used_bytes -= slot.bytes;
         if page.free_bytes == page.buffer.size() {
             // Work in flight holds the buffer until it is done.

@@ -9,7 +9,8 @@ use super::table::Entry;
 use crate::attribute::ClassMask;
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
-    Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, Order, SyncPoint, UploadRing, shaders,
+    Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, SyncPoint, UploadRing,
+    shaders,
 };
 use crate::section::{Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
@@ -19,6 +20,9 @@ use std::collections::{BTreeSet, HashMap};
 const RING_BYTES: u64 = 16 << 20;
 /// Table copies, hence frames that may be under way at once.
 const FRAMES_IN_FLIGHT: usize = 2;
+
+/// Sections that one submit builds.
+const SUBMIT_SECTIONS: usize = 64;
 
 /// What is shown: part of the derived data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,13 +75,6 @@ struct Resident {
     coming: Option<Version>,
 }
 
-impl Resident {
-    /// The newest version whose tops are built, or are in the build being recorded.
-    fn built(&self) -> Option<&Version> {
-        self.coming.as_ref().filter(|v| !matches!(v.state, State::Copying(_))).or(self.live.as_ref())
-    }
-}
-
 /// A slot that was given back: free once the last work that used it is over.
 struct Freed {
     slot: Slot,
@@ -101,6 +98,14 @@ struct Derive {
     steep: i32,
 }
 
+/// A section and its eight neighbours, row by row from the south-west.
+fn around(key: SectionKey) -> [SectionKey; 9] {
+    std::array::from_fn(|n| {
+        let (di, dj) = (n as i32 % 3 - 1, n as i32 / 3 - 1);
+        SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) }
+    })
+}
+
 /// Sections on the device.
 pub struct Scene {
     /// Who waits for whom. One thread submits.
@@ -111,9 +116,11 @@ pub struct Scene {
     passes: [ComputePipeline; 3],
     sections: HashMap<SectionKey, Resident>,
     freed: Vec<Freed>,
-    /// The latest work that used a slot which is free again: copies go after it.
-    reclaimed: Option<SyncPoint>,
+    /// The latest work, of each queue, that used a slot which is free again: copies go after it.
+    reclaimed: Vec<SyncPoint>,
     last_frame: Option<SyncPoint>,
+    /// Builds write to live slots, too, and read those of neighbours.
+    last_build: Option<SyncPoint>,
     visibility: Visibility,
     cell: f64,
     counters: Counters,
@@ -145,8 +152,9 @@ impl Scene {
             ],
             sections: HashMap::new(),
             freed: Vec::new(),
-            reclaimed: None,
+            reclaimed: Vec::new(),
             last_frame: None,
+            last_build: None,
             visibility,
             cell,
             counters: Counters::default(),
@@ -175,7 +183,12 @@ impl Scene {
                 let oldest = self.ring.oldest().expect("a piece fits an empty ring");
                 self.order.wait(oldest)?;
             };
-            let mut commands = self.order.begin_copy("upload", self.reclaimed.as_slice())?;
+            let mut after = self.reclaimed.clone();
+            if self.pool.access() == Access::StorageBuffer {
+                // Validation takes a bound buffer as touched all over.
+                after.extend(self.last_build.into_iter().chain(self.last_frame));
+            }
+            let mut commands = self.order.begin_copy("upload", &after)?;
             let to = slot.offset() + (piece * (RING_BYTES as usize / 2)) as u64;
             let range = BufferCopy { from, to, size: part.len() as u64 };
             commands.copy(self.ring.buffer(), self.pool.buffer(&slot), &[range]);
@@ -199,11 +212,15 @@ impl Scene {
         Ok(true)
     }
 
-    /// Takes a section out; its slot is free once no frame can read it any more.
-    pub fn remove(&mut self, key: SectionKey) {
+    /// Takes a section out; its slot is free once nothing can read it any more. Its neighbours lose the bridges
+    /// that led to it.
+    pub fn remove(&mut self, key: SectionKey) -> Result<(), GpuError> {
         if let Some(resident) = self.sections.remove(&key) {
+            let near = self.jobs(&BTreeSet::from(around(key)), &BTreeSet::new());
+            self.build(&[], &near, &[])?;
             resident.live.into_iter().chain(resident.coming).for_each(|v| self.release(v));
         }
+        Ok(())
     }
 
     fn release(&mut self, version: Version) {
@@ -211,6 +228,7 @@ impl Scene {
         if let State::Copying(point) | State::Building(point) = version.state {
             uses.push(point);
         }
+        uses.extend(self.last_build);
         uses.extend(self.last_frame);
         self.freed.push(Freed { slot: version.slot, uses });
     }
@@ -224,7 +242,13 @@ impl Scene {
                 over &= self.order.reached(point)?;
             }
             if over {
-                self.reclaimed = freed.uses.last().copied().or(self.reclaimed);
+                for point in freed.uses {
+                    match self.reclaimed.iter_mut().find(|p| p.queue() == point.queue()) {
+                        Some(known) if known.value() >= point.value() => {}
+                        Some(known) => *known = point,
+                        None => self.reclaimed.push(point),
+                    }
+                }
                 self.pool.free(freed.slot);
             } else {
                 still.push(freed);
@@ -254,12 +278,29 @@ impl Scene {
                 self.release(old);
             }
         }
-        if !copied.is_empty() {
-            let points: Vec<_> = copied.iter().map(|&(_, point)| point).collect();
-            let keys: Vec<_> = copied.into_iter().map(|(key, _)| key).collect();
-            self.build(&keys, &points)?;
+        if copied.is_empty() {
+            return Ok(());
+        }
+        let points: Vec<_> = copied.iter().map(|&(_, point)| point).collect();
+        let fresh: BTreeSet<_> = copied.into_iter().map(|(key, _)| key).collect();
+        let tops: Vec<_> = fresh.iter().filter_map(|&key| self.job_of_coming(key, &fresh)).collect();
+        let near: BTreeSet<_> = fresh.iter().flat_map(|&key| around(key)).collect();
+        let all = self.jobs(&near, &fresh);
+        self.build(&tops, &all, &points)?;
+        // What follows on this queue comes after the build.
+        let built = self.last_build.expect("just submitted");
+        for key in fresh {
+            if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.coming.as_mut()) {
+                version.state = State::Building(built);
+            }
         }
         Ok(())
+    }
+
+    /// The job of the version of `key` that is on its way.
+    fn job_of_coming(&self, key: SectionKey, fresh: &BTreeSet<SectionKey>) -> Option<Job> {
+        let own = self.pool.place(&self.sections.get(&key)?.coming.as_ref()?.slot);
+        self.jobs(&BTreeSet::from([key]), fresh).into_iter().find(|job| job.near[4] == own)
     }
 
     /// Waits until every section is live.
@@ -281,52 +322,38 @@ impl Scene {
     pub fn show(&mut self, visibility: Visibility) -> Result<(), GpuError> {
         if visibility != self.visibility {
             self.visibility = visibility;
-            let keys: Vec<_> =
-                self.sections.iter().filter(|(_, r)| r.built().is_some()).map(|(&key, _)| key).collect();
-            if !keys.is_empty() {
-                self.build(&keys, &[])?;
-            }
+            let all: BTreeSet<_> = self.sections.keys().copied().collect();
+            let tops = self.jobs(&all, &BTreeSet::new());
+            self.build(&tops, &tops, &[])?;
         }
         Ok(())
     }
 
-    /// Records and submits the derived passes: tops of `keys`, then bridges and pyramids of those and their
-    /// neighbours.
-    fn build(&mut self, keys: &[SectionKey], copied: &[SyncPoint]) -> Result<(), GpuError> {
-        let mut commands = self.order.begin_build("build", copied)?;
-        let mut around = BTreeSet::new();
-        for &key in keys {
-            for (di, dj) in (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j))) {
-                let near =
-                    SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
-                if self.sections.contains_key(&near) {
-                    around.insert(near);
-                }
+    /// One job for every built version of `keys`, and for those of `fresh`, whose copies are there.
+    fn jobs(&self, keys: &BTreeSet<SectionKey>, fresh: &BTreeSet<SectionKey>) -> Vec<Job> {
+        let is_built =
+            |key: &SectionKey, v: &Version| !matches!(v.state, State::Copying(_)) || fresh.contains(key);
+        let newest = |key: SectionKey| -> Option<&Version> {
+            let resident = self.sections.get(&key)?;
+            resident.coming.as_ref().filter(|v| is_built(&key, v)).or(resident.live.as_ref())
+        };
+        let mut jobs = Vec::new();
+        for key in keys {
+            let Some(resident) = self.sections.get(key) else { continue };
+            let coming = resident.coming.as_ref().filter(|v| is_built(key, v));
+            for version in resident.live.iter().chain(coming) {
+                let mut near =
+                    around(*key).map(|near| newest(near).map_or([0; 2], |v| self.pool.place(&v.slot)));
+                near[4] = self.pool.place(&version.slot);
+                jobs.push(Job { near });
             }
         }
-        let fresh: BTreeSet<_> = keys.iter().copied().collect();
-        let newest = |key: &SectionKey| -> Option<&Version> {
-            let resident = self.sections.get(key)?;
-            if fresh.contains(key) {
-                resident.coming.as_ref().or(resident.live.as_ref())
-            } else {
-                resident.built()
-            }
-        };
-        let job = |key: &SectionKey| -> Option<Job> {
-            newest(key)?;
-            let mut near = [[0; 2]; 9];
-            for (n, place) in near.iter_mut().enumerate() {
-                let (di, dj) = (n as i32 % 3 - 1, n as i32 / 3 - 1);
-                let key =
-                    SectionKey { level: key.level, i: key.i.wrapping_add(di), j: key.j.wrapping_add(dj) };
-                *place = newest(&key).map_or([0; 2], |v| self.pool.place(&v.slot));
-            }
-            Some(Job { near })
-        };
-        let tops: Vec<_> = fresh.iter().filter_map(job).collect();
-        let all: Vec<_> = around.iter().filter_map(job).collect();
+        jobs
+    }
 
+    /// Submits the derived passes: tops of `tops`, then bridges and pyramids of `all`. Nothing runs for long: a
+    /// frame is never far behind.
+    fn build(&mut self, tops: &[Job], all: &[Job], copied: &[SyncPoint]) -> Result<(), GpuError> {
         let words = self.visibility.classes.0;
         let derive = Derive {
             visible: words,
@@ -335,49 +362,56 @@ impl Scene {
             // Gaps steeper than 45° are edges.
             steep: (self.cell * HEIGHT_STEPS_PER_UNIT).clamp(1.0, 1e6) as i32,
         };
-        let upload = |name: &str, bytes: &[u8]| -> Result<Buffer, GpuError> {
-            let buffer = Buffer::new(&self.gpu, name, MemoryKind::Upload, bytes.len() as u64)?;
-            buffer.write(0, bytes);
-            Ok(buffer)
-        };
-        let params = upload("visibility", bytemuck::bytes_of(&derive))?;
+        let params = self.constant("visibility", bytemuck::bytes_of(&derive))?;
+        let [tops_pass, bridge_pass, pyramid_pass] = self.passes.clone();
         let blocks = SECTION_BLOCKS as u32;
-        let [tops_pass, bridge_pass, pyramid_pass] = &self.passes;
-        // A dispatch has at most 65,535 workgroups a side.
-        for (program, jobs, per_job) in
-            [(tops_pass, &tops, Some(blocks)), (bridge_pass, &all, Some(blocks)), (pyramid_pass, &all, None)]
-        {
-            if !std::ptr::eq(program, tops_pass) {
-                self.order.next_pass(&mut commands);
-            }
-            for jobs in jobs.chunks(65_535) {
-                let buffer = upload("jobs", bytemuck::cast_slice(jobs))?;
-                commands.bind(program);
-                match self.pool.access() {
-                    Access::Address => {
-                        commands.push(bytemuck::cast_slice(&[buffer.address(), params.address()]));
-                        self.pool.buffers().for_each(|b| commands.keep(b.clone()));
-                        commands.keep(buffer.clone());
-                        commands.keep(params.clone());
-                    }
-                    Access::StorageBuffer => {
-                        let pool = self.pool.buffers().next().expect("a section is resident");
-                        commands.bind_buffers(&program.binding(&[pool, &buffer, &params])?);
-                    }
-                }
-                let count = jobs.len() as u32;
-                commands.dispatch(per_job.map_or([count, 1, 1], |blocks| [blocks, count, 1]));
-            }
+        for jobs in tops.chunks(SUBMIT_SECTIONS) {
+            let mut commands = self.order.begin_build("tops", copied)?;
+            self.dispatch(&mut commands, &tops_pass, jobs, &params, [blocks, jobs.len() as u32, 1])?;
+            self.last_build = Some(self.order.submit(commands)?);
+        }
+        for jobs in all.chunks(SUBMIT_SECTIONS) {
+            let mut commands = self.order.begin_build("bridges and pyramids", &[])?;
+            self.dispatch(&mut commands, &bridge_pass, jobs, &params, [blocks, jobs.len() as u32, 1])?;
+            self.order.next_pass(&mut commands);
+            self.dispatch(&mut commands, &pyramid_pass, jobs, &params, [jobs.len() as u32, 1, 1])?;
+            self.last_build = Some(self.order.submit(commands)?);
         }
         self.counters.builds += all.len() as u64;
-        let point = self.order.submit(commands)?;
-        for key in fresh {
-            // What follows on this queue comes after the build.
-            if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.coming.as_mut()) {
-                version.state = State::Building(point);
+        Ok(())
+    }
+
+    fn dispatch(
+        &self,
+        commands: &mut Commands,
+        program: &ComputePipeline,
+        jobs: &[Job],
+        params: &Buffer,
+        groups: [u32; 3],
+    ) -> Result<(), GpuError> {
+        let jobs = self.constant("jobs", bytemuck::cast_slice(jobs))?;
+        commands.bind(program);
+        match self.pool.access() {
+            Access::Address => {
+                commands.push(bytemuck::cast_slice(&[jobs.address(), params.address()]));
+                self.pool.buffers().for_each(|b| commands.keep(b.clone()));
+                commands.keep(jobs);
+                commands.keep(params.clone());
+            }
+            Access::StorageBuffer => {
+                let pool = self.pool.buffers().next().expect("a section is resident");
+                commands.bind_buffers(&program.binding(&[pool, &jobs, params])?);
             }
         }
+        commands.dispatch(groups);
         Ok(())
+    }
+
+    /// A small buffer for one use.
+    fn constant(&self, name: &str, bytes: &[u8]) -> Result<Buffer, GpuError> {
+        let buffer = Buffer::new(&self.gpu, name, MemoryKind::Upload, bytes.len() as u64)?;
+        buffer.write(0, bytes);
+        Ok(buffer)
     }
 
     /// What a table may name now: live sections that show anything, in key order.
@@ -393,17 +427,10 @@ impl Scene {
             .filter_map(|(key, resident)| {
                 let version = resident.live.as_ref()?;
                 // Bridges rise no higher than what they lead to, which may be a neighbour's.
-                let reach = i32::from(self.visibility.bridge > 0);
-                let top = (-reach..=reach)
-                    .flat_map(|dj| (-reach..=reach).map(move |di| (di, dj)))
-                    .filter_map(|(di, dj)| {
-                        highest(&SectionKey {
-                            level: key.level,
-                            i: key.i.wrapping_add(di),
-                            j: key.j.wrapping_add(dj),
-                        })
-                    })
-                    .max()?;
+                let top = match self.visibility.bridge {
+                    0 => highest(key)?,
+                    _ => around(*key).iter().filter_map(highest).max()?,
+                };
                 let layout = &version.layout;
                 let place = self.pool.place(&version.slot);
                 Some(Entry { key: *key, place, code: layout.code, pyramid: layout.pyramid, top })
@@ -436,5 +463,25 @@ impl Scene {
     /// What has been copied and built since the start.
     pub fn counters(&self) -> Counters {
         self.counters
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::layout::{assert_in, members};
+
+    #[test]
+    fn shaders_see_jobs_and_masks_as_they_are_written() {
+        let first = [("tops", shaders::TOPS), ("tops, POOL_SSBO", shaders::TOPS_SSBO)];
+        let second = [("bridge", shaders::BRIDGE), ("bridge, POOL_SSBO", shaders::BRIDGE_SSBO)];
+        let third = [("pyramid", shaders::PYRAMID), ("pyramid, POOL_SSBO", shaders::PYRAMID_SSBO)];
+        let masked = members!(Derive { visible, visible_withheld, bridge, steep });
+        for pass in [&first, &second, &third] {
+            assert_in(pass, &members!(Job { near }));
+        }
+        // The pyramid is built from what the mask has left.
+        assert_in(&first, &masked);
+        assert_in(&second, &masked);
     }
 }

@@ -154,6 +154,21 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::layout::{assert_in, members};
+    use crate::gpu::shaders;
+
+    #[test]
+    fn shaders_see_nodes_as_they_are_written() {
+        let readers = [
+            ("trace", shaders::TRACE),
+            ("trace, POOL_SSBO", shaders::TRACE_SSBO),
+            ("plain", shaders::PLAIN),
+            ("plain, POOL_SSBO", shaders::PLAIN_SSBO),
+            ("shade", shaders::SHADE),
+            ("shade, POOL_SSBO", shaders::SHADE_SSBO),
+        ];
+        assert_in(&readers, &members!(Node { index, meta, top, place, base, pyramid }));
+    }
 
     fn entry(i: i32, j: i32, top: i32) -> Entry {
         Entry {

@@ -4,14 +4,17 @@
 mod common;
 #[path = "../common/scene.rs"]
 mod scene;
+mod shifted;
 
 use common::LAVAPIPE;
 use glam::DVec3;
 use lasray::attribute::ClassMask;
 use lasray::coords::HEIGHT_STEPS_PER_UNIT;
-use lasray::render::camera::{Camera, Projection};
-use lasray::render::frame::Renderer;
-use lasray::render::reference::{ColumnMap, Tolerance, compare};
+use lasray::gpu::Gpu;
+use lasray::render::camera::{Camera, Projection, RayBasis};
+use lasray::render::frame::{Renderer, View};
+use lasray::render::image::{Image, MISS_CLASS};
+use lasray::render::reference::{ColumnMap, Hit, Tolerance, compare};
 use lasray::stream::pool::Access;
 use lasray::stream::scene::{Scene, Visibility};
 use scene::{Data, MEASURED, points, real_files};
@@ -27,10 +30,12 @@ struct Shot {
     camera: Camera,
     size: [u32; 2],
     z_scale: f64,
+    /// Share of the pixels that must agree on hit or miss and on class.
+    share: f64,
 }
 
 fn shot(name: &'static str, camera: Camera) -> Shot {
-    Shot { name, camera, size: SIZE, z_scale: 1.0 }
+    Shot { name, camera, size: SIZE, z_scale: 1.0, share: 0.999 }
 }
 
 const WIDE: Projection = Projection::Perspective { fov: 45.0 };
@@ -53,10 +58,10 @@ fn main_shots(data: &Data, map: &ColumnMap) -> Vec<Shot> {
 fn standing(data: &Data, map: &ColumnMap) -> DVec3 {
     let (b, cell) = (data.bounds, data.grid.cell());
     let top = |p: DVec3| map.column([p.x, p.y].map(|v| (v / cell).floor() as i64)).map(|c| c.top());
-    // The lowest column of a few near a quarter of the way in.
+    // The lowest of a few columns all over.
     let places = (0..400).map(|k| {
         let (x, y) = (f64::from(k % 20) / 20.0, f64::from(k / 20) / 20.0);
-        b.min + (b.max - b.min) * DVec3::new(0.2 + 0.2 * x, 0.2 + 0.2 * y, 0.0)
+        b.min + (b.max - b.min) * DVec3::new(0.1 + 0.8 * x, 0.1 + 0.8 * y, 0.0)
     });
     let lowest = places
         .filter_map(|p| Some(p.with_z(top(p)?)))
@@ -81,8 +86,10 @@ fn odd_shots(data: &Data) -> Vec<Shot> {
             ..shot("along an axis", Camera::orbit(middle, [90.0, 0.0], 0.6 * size.x, WIDE).unwrap())
         },
         Shot { size: ODD, ..shot("along an axis, west of it", Camera::look_at(west, middle, WIDE).unwrap()) },
+        // Every ray of a whole-numbered slope runs through corners.
         Shot {
             size: ODD,
+            share: 0.995,
             ..shot("down from a border", Camera::orbit(middle, [0.0, 90.0], size.x, WIDE).unwrap())
         },
         shot(
@@ -118,6 +125,7 @@ fn odd_shots(data: &Data) -> Vec<Shot> {
     ]
 }
 
+/// Draws `shots` and compares them with brute force over `map`. Returns what is wrong.
 fn check(
     data: &Data,
     map: &ColumnMap,
@@ -128,22 +136,52 @@ fn check(
 ) -> Vec<String> {
     let mut wrong = Vec::new();
     for shot in shots {
-        let view =
-            lasray::render::frame::View { z_scale: shot.z_scale, ..data.exact(&shot.camera, shot.size) };
+        let view = View { z_scale: shot.z_scale, ..data.exact(&shot.camera, shot.size) };
         let image = renderer.draw(scene, &view).unwrap();
         let basis = shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
         let reference = map.render(&basis, shot.size);
         let tolerance = Tolerance { cell_size: data.grid.cell(), height_step: 1.0 / HEIGHT_STEPS_PER_UNIT };
         let result = compare(&reference, &basis, shot.size[0], &image.distance, &image.class, tolerance);
-        println!("{what}, {}: {result}", shot.name);
-        if !result.agrees(0.999) {
-            wrong.push(format!("{what}, {}: {result}", shot.name));
+        let unclear = unclear(map, &basis, &reference, &image, tolerance);
+        println!("{what}, {}, {unclear} unclear: {result}", shot.name);
+        let differ = result.hit_or_miss_differs + result.class_differs + result.distance_differs;
+        // A ray may pass several corners, each on another side.
+        if result.agreement() < shot.share || (differ - unclear) as f64 > 0.001 * result.pixels as f64 {
+            wrong.push(format!("{what}, {}, {unclear} unclear: {result}", shot.name));
         }
+        let hits = result.hits as f64 / result.pixels as f64;
+        assert!(hits > 0.002, "{what}, {}: next to nothing is in the picture", shot.name);
     }
     wrong
 }
 
-fn check_file(gpu: &lasray::gpu::Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8]) -> Vec<String> {
+/// Pixels that differ, but not from what the reference finds a ten-thousandth of a pixel beside: rays that
+/// run through corners of cells or just touch an edge, finer than the numbers of either side can tell.
+fn unclear(
+    map: &ColumnMap,
+    basis: &RayBasis,
+    reference: &[Option<Hit>],
+    image: &Image,
+    tolerance: Tolerance,
+) -> usize {
+    let agrees = |want: &Option<Hit>, k: usize, x: f64, y: f64| match want {
+        None => image.class[k] == MISS_CLASS,
+        Some(hit) => {
+            let off = (f64::from(image.distance[k]) - hit.distance).abs();
+            image.class[k] == u32::from(hit.class) && off <= tolerance.at(hit, basis, x, y)
+        }
+    };
+    let beside = [(-1e-4, -1e-4), (1e-4, -1e-4), (-1e-4, 1e-4), (1e-4, 1e-4)];
+    (0..reference.len())
+        .filter(|&k| {
+            let (x, y) = ((k % image.width as usize) as f64, (k / image.width as usize) as f64);
+            let near = || beside.iter().any(|(dx, dy)| agrees(&map.trace(basis, x + dx, y + dy), k, x, y));
+            !agrees(&reference[k], k, x, y) && near()
+        })
+        .count()
+}
+
+fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8]) -> Vec<String> {
     let start = std::time::Instant::now();
     let data = Data::load(&[path.to_owned()], cell);
     let mut scene = data.scene(gpu, Access::Address, MEASURED());
@@ -215,50 +253,5 @@ fn the_town_is_drawn_exactly() {
         wrong.extend(check_file(&gpu, &path, Some(0.7), false, &[]));
         wrong.extend(check_file(&gpu, &path, Some(40.0), false, &[]));
         assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    });
-}
-
-#[test]
-fn debug() {
-    common::run("debug", LAVAPIPE, |setup| {
-        let gpu = setup.gpu();
-        let folder = tempfile::tempdir().unwrap();
-        let path: PathBuf = scene::town(folder.path(), "town.las", [-80.0, -80.0], 160.0);
-        let data = Data::load(&[path.to_owned()], Some(0.5));
-        let mut scene = data.scene(&gpu, Access::Address, MEASURED());
-        let mut renderer = data.renderer(&scene);
-        let points = points(&path, &data.placement);
-        let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &ClassMask::default(), false);
-        let mut shots = main_shots(&data, &map);
-        shots.extend(odd_shots(&data));
-        println!("bounds {:?}", data.bounds);
-        for e in scene.entries() {
-            println!("{e:?}");
-        }
-        for shot in &shots {
-            for traversal in [lasray::render::frame::Traversal::Fast, lasray::render::frame::Traversal::Plain]
-            {
-                let view = lasray::render::frame::View {
-                    z_scale: shot.z_scale,
-                    traversal,
-                    ..data.exact(&shot.camera, shot.size)
-                };
-                let image = renderer.draw(&mut scene, &view).unwrap();
-                let basis =
-                    shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
-                let reference = map.render(&basis, shot.size);
-                let mut rows = vec![[0; 2]; shot.size[1] as usize];
-                for (k, (r, d)) in reference.iter().zip(&image.distance).enumerate() {
-                    let y = k / shot.size[0] as usize;
-                    if r.is_some() {
-                        rows[y][0] += 1;
-                        if !d.is_finite() {
-                            rows[y][1] += 1;
-                        }
-                    }
-                }
-                println!("{} {traversal:?} eye {:?}: {rows:?}", shot.name, shot.camera.eye());
-            }
-        }
     });
 }

@@ -1,0 +1,157 @@
+//! For tests: what a compiled shader says of its structs, to be compared with the Rust side.
+
+use rspirv::binary::{Consumer, ParseAction, parse_words};
+use rspirv::dr::{Instruction, ModuleHeader, Operand};
+use rspirv::spirv::{Decoration, Op};
+use std::collections::HashMap;
+
+/// Offset and type of every member, in order.
+pub type Members = Vec<(u32, String)>;
+
+/// The type's name as both sides are written here: `u32`, `f32x3`, `[u32x2; 9]`.
+pub trait Name {
+    fn name() -> String;
+}
+
+macro_rules! names {
+    ($($scalar:ty),*) => {$(
+        impl Name for $scalar {
+            fn name() -> String {
+                stringify!($scalar).to_owned()
+            }
+        }
+    )*};
+}
+names!(u32, i32, f32);
+
+impl<T: Name, const N: usize> Name for [T; N] {
+    fn name() -> String {
+        of_array(&T::name(), N as u32)
+    }
+}
+
+/// Up to four scalars are a vector.
+fn of_array(element: &str, n: u32) -> String {
+    let scalar = ["u32", "i32", "f32"].contains(&element);
+    if scalar && n <= 4 { format!("{element}x{n}") } else { format!("[{element}; {n}]") }
+}
+
+pub fn name_of<S, F: Name>(_: fn(&S) -> &F) -> String {
+    F::name()
+}
+
+/// The members of a Rust struct, all of which must be listed.
+macro_rules! members {
+    ($of:ident { $($field:ident),* $(,)? }) => {{
+        // Fails to compile when one is missing.
+        let _ = |whole: $of| { let $of { $($field: _),* } = whole; };
+        vec![$((
+            std::mem::offset_of!($of, $field) as u32,
+            $crate::gpu::layout::name_of(|s: &$of| &s.$field),
+        )),*]
+    }};
+}
+pub(crate) use members;
+
+/// Asserts that each shader (name, words) has a struct with these very members.
+pub fn assert_in(shaders: &[(&str, &[u32])], members: &Members) {
+    for (name, words) in shaders {
+        // The full loader of rspirv refuses `LocalSizeId`.
+        let mut structs = Structs::default();
+        parse_words(words, &mut structs).unwrap();
+        let found = structs.all();
+        assert!(found.contains(members), "{name} has no struct {members:?} among {found:?}");
+    }
+}
+
+#[derive(Default)]
+struct Structs {
+    names: HashMap<u32, String>,
+    constants: HashMap<u32, u32>,
+    members: Vec<(u32, Vec<u32>)>,
+    offsets: HashMap<(u32, u32), u32>,
+}
+
+fn id(operand: &Operand) -> u32 {
+    operand.id_ref_any().expect("an id")
+}
+
+fn number(operand: &Operand) -> u32 {
+    match operand {
+        Operand::LiteralBit32(value) => *value,
+        other => panic!("{other:?} is not a number"),
+    }
+}
+
+impl Structs {
+    fn all(&self) -> Vec<Members> {
+        let member = |of: u32, (k, kind): (usize, &u32)| {
+            Some((*self.offsets.get(&(of, k as u32))?, self.names.get(kind).cloned().unwrap_or_default()))
+        };
+        self.members
+            .iter()
+            .map(|(of, kinds)| kinds.iter().enumerate().filter_map(|m| member(*of, m)).collect())
+            .collect()
+    }
+}
+
+impl Consumer for Structs {
+    fn initialize(&mut self) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn finalize(&mut self) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn consume_header(&mut self, _: ModuleHeader) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn consume_instruction(&mut self, instruction: Instruction) -> ParseAction {
+        let operands = &instruction.operands;
+        let of = |k: usize, names: &HashMap<u32, String>| {
+            names.get(&id(&operands[k])).cloned().unwrap_or_default()
+        };
+        let name = match instruction.class.opcode {
+            Op::TypeInt => if number(&operands[1]) == 0 { "u32" } else { "i32" }.to_owned(),
+            Op::TypeFloat => "f32".to_owned(),
+            Op::TypeVector => of_array(&of(0, &self.names), number(&operands[1])),
+            Op::TypeArray => of_array(&of(0, &self.names), self.constants[&id(&operands[1])]),
+            Op::Constant => {
+                if let (Some(result), Operand::LiteralBit32(value)) = (instruction.result_id, &operands[0]) {
+                    self.constants.insert(result, *value);
+                }
+                return ParseAction::Continue;
+            }
+            Op::TypeStruct => {
+                let result = instruction.result_id.expect("a type has an id");
+                self.members.push((result, operands.iter().map(id).collect()));
+                "struct".to_owned()
+            }
+            Op::MemberDecorate => {
+                if let Operand::Decoration(Decoration::Offset) = operands[2] {
+                    self.offsets.insert((id(&operands[0]), number(&operands[1])), number(&operands[3]));
+                }
+                return ParseAction::Continue;
+            }
+            _ => return ParseAction::Continue,
+        };
+        if let Some(result) = instruction.result_id {
+            self.names.insert(result, name);
+        }
+        ParseAction::Continue
+    }
+}
+
+#[test]
+fn a_wrong_layout_is_found() {
+    let shader = [("trace", super::shaders::TRACE)];
+    // The push constants of trace.comp, and what they are not.
+    let right: Members =
+        [(0, "u32x2"), (8, "i32x2"), (16, "u32"), (20, "f32")].map(|(o, n)| (o, n.to_owned())).into();
+    let mut wrong = right.clone();
+    wrong[3].0 = 24;
+    assert_in(&shader, &right);
+    assert!(std::panic::catch_unwind(|| assert_in(&shader, &wrong)).is_err());
+}
