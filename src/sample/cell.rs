@@ -15,6 +15,9 @@ const OPEN_HOLES: f64 = 0.03;
 const HOLES: f64 = 0.50;
 /// Longest gap that pictures bridge, cells.
 const BRIDGE: usize = 4;
+/// log2 of the finest cell that is thought of. A broken header may put all points within 1e-312 units: cells would
+/// be halved until they are 0, without end.
+const FINEST_LOG2: f64 = -20.0;
 /// Most doublings from the size at which there is one point a cell.
 const DOUBLINGS: u32 = 3;
 
@@ -61,7 +64,7 @@ pub fn choose(patches: &[Patch], finest: f64) -> CellChoice {
         here = Tally::of(patches, cell);
     }
     // Rounded up to a power of two.
-    let finest = finest.max(spacing * 2f64.powi(-40));
+    let finest = finest.max(spacing * 2f64.powi(-40)).max(FINEST_LOG2.exp2());
     while cell / 2.0 >= finest {
         let finer = Tally::of(patches, cell / 2.0);
         if finer.points_per_cell() < LEAST_POINTS {
@@ -88,7 +91,7 @@ pub fn footprint_area(points: &[[f64; 2]], cell: f64) -> f64 {
 }
 
 fn power_of_two_above(size: f64) -> f64 {
-    size.log2().ceil().clamp(-60.0, 60.0).exp2()
+    size.log2().ceil().clamp(FINEST_LOG2, 60.0).exp2()
 }
 
 /// Sums over patches.
@@ -362,6 +365,9 @@ mod tests {
         for points in [vec![], vec![[5e5, 6e6]], vec![[5e5, 6e6]; 3]] {
             assert_eq!(choose(&whole(points), 0.01).cell, 1.0);
         }
+        // Of a broken header.
+        let speck = vec![[0.0, 0.0], [1e-312, 1e-312]];
+        assert_eq!(choose(&whole(speck), 0.0).cell, FINEST_LOG2.exp2());
         // Points on a line have a spacing all the same.
         let line = (0..1000).map(|i| [f64::from(i) * 0.25, 7.0]).collect();
         assert_eq!(choose(&whole(line), 0.01).cell, 0.25);

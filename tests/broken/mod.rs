@@ -12,8 +12,15 @@ use proptest::{
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicU64, Ordering},
+    },
     time::{Duration, Instant},
 };
+
+/// Longer than any case may take, and than the pause before the first one or the shrinking of a failure.
+const FOREVER: Duration = Duration::from_secs(300);
 
 /// A file that is sound, and where its fields lie: first byte and bytes of each.
 pub struct Seed {
@@ -204,7 +211,8 @@ pub fn fuzz(name: &str, cases: u32, check: impl Fn(&Path, usize) -> Result<(), T
     let path = dir.join("case.laz");
     let budget = std::env::var("LASRAY_FUZZ_SECONDS").ok().map(|s| Duration::from_secs(s.parse().unwrap()));
     let start = Instant::now();
-    let tried = std::cell::Cell::new(0);
+    let tried = Arc::new(AtomicU64::new(0));
+    watch(Arc::clone(&tried), path.clone());
     for round in 0.. {
         let rng_seed = if budget.is_some() { RngSeed::Random } else { RngSeed::Fixed(round) };
         let config = Config { cases, rng_seed, failure_persistence: None, ..Config::default() };
@@ -212,7 +220,7 @@ pub fn fuzz(name: &str, cases: u32, check: impl Fn(&Path, usize) -> Result<(), T
         let result = TestRunner::new(config).run(&strategy, |(which, changes)| {
             let bytes = apply(which.get(&seeds), &changes);
             fs::write(&path, &bytes).unwrap();
-            tried.set(tried.get() + 1);
+            tried.fetch_add(1, Ordering::Relaxed);
             check(&path, bytes.len())
         });
         match result {
@@ -223,10 +231,26 @@ pub fn fuzz(name: &str, cases: u32, check: impl Fn(&Path, usize) -> Result<(), T
             }
             other => other.unwrap(),
         }
-        println!("{} seeds, {} cases in {:?}", seeds.len(), tried.get(), start.elapsed());
+        println!("{} seeds, {} cases in {:?}", seeds.len(), tried.load(Ordering::Relaxed), start.elapsed());
         if budget.is_none_or(|b| start.elapsed() > b) {
             break;
         }
     }
-    tried.get()
+    tried.load(Ordering::Relaxed)
+}
+
+/// Ends the process when one case takes for ever: nothing else would tell which.
+fn watch(tried: Arc<AtomicU64>, path: PathBuf) {
+    std::thread::spawn(move || {
+        let mut before = 0;
+        loop {
+            std::thread::sleep(FOREVER);
+            let now = tried.load(Ordering::Relaxed);
+            if now == before {
+                eprintln!("case {now} does not end; its file: {}", path.display());
+                std::process::abort();
+            }
+            before = now;
+        }
+    });
 }
