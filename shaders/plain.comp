@@ -1,7 +1,5 @@
-// The plain traversal of the thesis (§3.2.3, after Dick, Krüger and Westermann 2009): the ray is mirrored so
-// that it goes east and north, and moves from node border to node border; down a level at an intersection, up
-// a level when it leaves a 2x2 square. It knows nothing of what lies above a section's coarsest level. Writes
-// the same hit records as trace.comp.
+// The plain traversal over the pool, section by section: it knows nothing of what lies above a section's
+// coarsest level. Writes the same hit records as trace.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"
@@ -10,96 +8,36 @@
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
 
-uvec4 trace(Ray ray) {
-    uvec4 hit = uvec4(0u, NO_NODE, 0u, 0u);
+struct PlainNode {
+    int top;
+    bool there;
+    uint slot;
+    uvec2 inner; // node index in its section
+};
 
-    // 1a. Only step.xy >= 0 is handled: other rays are mirrored, and cells with them (i becomes -1 - i).
-    ivec2 mirror = ivec2(lessThan(ray.step.xy, vec2(0.0)));
-    vec2 direction = abs(ray.step.xy);
-    vec2 inverse = mix(1.0 / direction, vec2(1e30), lessThan(direction, vec2(1e-20)));
-    ivec2 cell = ray.cell.xy ^ -mirror;
-    vec2 fraction = mix(ray.fraction.xy, 1.0 - ray.fraction.xy, equal(mirror, ivec2(1)));
-    ivec2 low = mix(FRAME.low, -FRAME.high, equal(mirror, ivec2(1)));
-    ivec2 high = mix(FRAME.high, -FRAME.low, equal(mirror, ivec2(1)));
-    uint face = FACE_INSIDE;
-    float t = ray.start;
-    float z0 = float(ray.cell.z) + ray.fraction.z;
+int plain_top_level() { return int(SECTION_LOG2); }
 
-    // To the eye, or on to the border of what there is.
-    vec2 ahead = (vec2(low - cell) - fraction) * inverse;
-    for (int axis = 0; axis < 2; axis++) {
-        if (ahead[axis] <= t) continue;
-        t = ahead[axis];
-        face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(mirror[axis]);
+PlainNode plain_node(ivec2 cell, int level) {
+    PlainNode node;
+    node.slot = find_node(SECTION_LOG2, cell >> int(SECTION_LOG2));
+    node.inner = uvec2(cell >> level) & ((SECTION_SIDE >> level) - 1u);
+    node.top = 0;
+    node.there = false;
+    if (node.slot != NO_NODE) {
+        uint element = pyramid_offset(uint(level)) + node.inner.y * (SECTION_SIDE >> level) + node.inner.x;
+        bool wide = (NODE[node.slot].meta & NODE_WIDE) != 0u;
+        uint code = load_code(NODE[node.slot].place, NODE[node.slot].pyramid, element, wide);
+        node.top = NODE[node.slot].base + int(code);
+        node.there = code != 0u;
     }
-    if (t > FAR) return hit;
-    vec2 at = fma(vec2(t), direction, fraction);
-    cell += ivec2(floor(at));
-    fraction = at - floor(at);
-    // Exactly on the border that was crossed, rounding or not.
-    bvec2 crossed = equal(ahead, vec2(t));
-    fraction = mix(fraction, vec2(0.0), crossed);
-    cell = max(mix(cell, low, crossed), low);
-
-    const int top_level = int(SECTION_LOG2);
-    int level = top_level;
-    while (all(greaterThanEqual(cell, low)) && all(lessThan(cell, high))) {
-        // 2a. Exit point: the nearer of the two borders, set exactly.
-        ivec2 edge = (cell >> level) + 1;
-        vec2 steps = (vec2((edge << level) - cell) - fraction) * inverse;
-        // At a corner an eastward step comes first, a westward one last.
-        int axis = (mirror.x == 0 ? steps.x <= steps.y : steps.x < steps.y) ? 0 : 1, other = 1 - axis;
-        float t_exit = t + steps[axis];
-
-        // 2b. Intersection.
-        ivec2 real = cell ^ -mirror;
-        float enter = fma(t, ray.step.z, z0), leave = fma(t_exit, ray.step.z, z0);
-        bool intersects = false;
-        int top = 0;
-        uint slot = find_node(SECTION_LOG2, real >> top_level);
-        uvec2 node = uvec2(real >> level) & ((SECTION_SIDE >> level) - 1u);
-        if (slot != NO_NODE) {
-            uint meta = NODE[slot].meta;
-            uint element = pyramid_offset(uint(level)) + node.y * (SECTION_SIDE >> level) + node.x;
-            uint code = load_code(NODE[slot].place, NODE[slot].pyramid, element, (meta & NODE_WIDE) != 0u);
-            top = NODE[slot].base + int(code);
-            intersects = code != 0u && (ray.step.z >= 0.0 ? enter : leave) <= float(top);
-            // Not where the ray only touches a corner on the way from the south-west to the north-east or back.
-            intersects = intersects && (t_exit > t || mirror.x != mirror.y || face == FACE_INSIDE);
-        }
-
-        // 2c. Down a level, or the column itself.
-        if (intersects) {
-            if (level > 0) {
-                level--;
-                continue;
-            }
-            float t_hit = t;
-            if (enter > float(top)) {
-                t_hit = clamp((float(top - ray.cell.z) - ray.fraction.z) / ray.step.z, t, t_exit);
-                face = FACE_TOP;
-            }
-            return uvec4(floatBitsToUint(t_hit), slot, node.y << SECTION_LOG2 | node.x | face << 16u, uint(top));
-        }
-
-        // 2d. On to the exit; up a level where a 2x2 square ends.
-        if (t_exit > FAR) break;
-        t = t_exit;
-        float across = fma(steps[axis], direction[other], fraction[other]);
-        ivec2 last = (cell >> level) + 1 << level;
-        fraction[other] = across - floor(across);
-        cell[other] = cell[other] + int(floor(across));
-        if (cell[other] >= last[other]) { // rounded past the node's corner
-            cell[other] = last[other] - 1;
-            fraction[other] = 0.99999994;
-        }
-        cell[axis] = edge[axis] << level;
-        fraction[axis] = 0.0;
-        face = (axis == 0 ? FACE_WEST : FACE_SOUTH) + uint(mirror[axis]);
-        level = min(level + 1 - (edge[axis] & 1), top_level);
-    }
-    return hit;
+    return node;
 }
+
+uvec4 plain_hit(float t, PlainNode node, ivec2 cell, uint face) {
+    return uvec4(floatBitsToUint(t), node.slot, node.inner.y << SECTION_LOG2 | node.inner.x | face << 16u, uint(node.top));
+}
+
+#include "plain.glsl"
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;

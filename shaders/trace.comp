@@ -108,7 +108,9 @@ bool walk_section(inout Walk walk, uint slot, inout uvec4 hit) {
                 t_hit = clamp(to_top, walk.t, t);
                 walk.face = FACE_TOP;
             }
-            hit = uvec4(floatBitsToUint(t_hit), slot, node.y << SECTION_LOG2 | node.x | walk.face << 16u, uint(top));
+            // What the window does not hold is not there. The ray has left it, then.
+            bool there = all(greaterThanEqual(walk.cell, FRAME.low)) && all(lessThan(walk.cell, FRAME.high));
+            if (there) hit = uvec4(floatBitsToUint(t_hit), slot, node.y << SECTION_LOG2 | node.x | walk.face << 16u, uint(top));
             return true;
         }
         if (t > FAR) {

@@ -52,6 +52,12 @@ impl Record {
         ])
     }
 
+    /// From a height and the two words of attributes that a packed section holds.
+    #[inline]
+    pub fn of(height: Height, attributes: [u32; 2]) -> Record {
+        Record([bias(height), attributes[0], attributes[1]])
+    }
+
     /// The attributes; `None` for an empty record.
     #[inline]
     pub fn unpack(self) -> Option<Attributes> {

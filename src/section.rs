@@ -362,6 +362,9 @@ impl Layout {
     }
 }
 
+/// Highest record of each (class, withheld) that a section holds.
+pub type HighestOf = Vec<(u8, bool, Height)>;
+
 /// A section ready for upload. Immutable.
 pub struct Packed {
     /// Header and runs: `layout.uploaded_words` words.
@@ -371,7 +374,7 @@ pub struct Packed {
     /// Points it was made from.
     pub points: u64,
     /// Highest record of each (class, withheld) present.
-    pub highest_of: Vec<(u8, bool, Height)>,
+    pub highest_of: HighestOf,
 }
 
 #[cfg(test)]

@@ -502,6 +502,7 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
             None => Background::Sky,
         }),
         traversal: if args.plain { Traversal::Plain } else { Traversal::Fast },
+        window: None,
     };
     let anchor = Height::from_units(bounds.center().z).context("heights are beyond what can be drawn")?;
     let mut renderer = Renderer::new(&scene, grid, anchor)?;

@@ -102,10 +102,10 @@ pub struct Limits {
     pub workgroups: [u32; 3],
     /// Invocations in one workgroup.
     pub workgroup_size: u32,
-    /// Nanoseconds of one timestamp step; 0 when the compute queue has no timestamps.
+    /// Nanoseconds of one timestamp step.
     pub timestamp_ns: f64,
-    /// How many low bits of a timestamp count.
-    pub timestamp_bits: u32,
+    /// How many low bits of a timestamp count on the compute and on the transfer queue; 0 where there are none.
+    pub timestamp_bits: [u32; 2],
 }
 
 /// The two lines of work. On a device with one queue both are that queue.
@@ -266,7 +266,10 @@ impl Gpu {
                 });
             }
         };
-        let limits = limits(vk_instance, physical, &families[plan.compute as usize]);
+        let limits = {
+            let transfer = plan.transfer.map_or(plan.compute, |(family, _)| family);
+            limits(vk_instance, physical, [plan.compute, transfer].map(|f| &families[f as usize]))
+        };
         tracing::debug!("device {info}; queues {plan:?}");
         let gpu = Gpu(Arc::new(Inner {
             device,
@@ -441,7 +444,7 @@ impl Features {
 fn limits(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
-    family: &vk::QueueFamilyProperties,
+    families: [&vk::QueueFamilyProperties; 2],
 ) -> Limits {
     let mut p11 = vk::PhysicalDeviceVulkan11Properties::default();
     let mut p13 = vk::PhysicalDeviceVulkan13Properties::default();
@@ -455,8 +458,8 @@ fn limits(
         allocation_bytes: p11.max_memory_allocation_size,
         workgroups: limits.max_compute_work_group_count,
         workgroup_size: limits.max_compute_work_group_invocations,
-        timestamp_bits: family.timestamp_valid_bits,
-        timestamp_ns: if family.timestamp_valid_bits == 0 { 0.0 } else { f64::from(limits.timestamp_period) },
+        timestamp_bits: families.map(|family| family.timestamp_valid_bits),
+        timestamp_ns: f64::from(limits.timestamp_period),
     }
 }
 

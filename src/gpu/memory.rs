@@ -146,16 +146,25 @@ impl Buffer {
     /// # Panics
     /// When the range is outside the buffer, or the host cannot reach it.
     pub fn write(&self, offset: u64, bytes: &[u8]) {
-        self.check(offset, bytes.len() as u64);
+        self.write_with(offset, bytes.len() as u64, |to| to.copy_from_slice(bytes));
+    }
+
+    /// Lends the `len` bytes at `offset` to `write`, which had better not read them: the memory may be
+    /// write-combined. What they hold is undefined. The device must not be using them: see [`super::Order`].
+    ///
+    /// # Panics
+    /// When the range is outside the buffer, or the host cannot reach it.
+    pub fn write_with<R>(&self, offset: u64, len: u64, write: impl FnOnce(&mut [u8]) -> R) -> R {
+        self.check(offset, len);
         let allocation = lock(&self.0.allocation);
         let mapped = allocation.mapped_ptr().expect("the host writes only to mapped buffers");
         // SAFETY: the range is inside the mapping (checked above), which lives as long as the
-        // allocation; the lock keeps other host threads out, and `bytes` cannot overlap it because the
-        // mapping is never lent out.
-        unsafe {
-            let to = mapped.as_ptr().cast::<u8>().add(offset as usize);
-            to.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
-        }
+        // allocation; the lock keeps other host threads out while the bytes are lent, so nothing else
+        // refers to them; any bytes are valid `u8`s (the driver hands out initialised pages).
+        let bytes = unsafe {
+            std::slice::from_raw_parts_mut(mapped.as_ptr().cast::<u8>().add(offset as usize), len as usize)
+        };
+        write(bytes)
     }
 
     /// Reads at `offset` into `bytes`. The device must be done writing: see [`super::Order::read`].

@@ -31,15 +31,20 @@ impl UploadRing {
     /// Writes `bytes` into the ring and returns their offset; `None` when there is no room until
     /// [`UploadRing::oldest`] is reached (or ever, when they are larger than the ring).
     pub fn push(&mut self, order: &mut Order, bytes: &[u8]) -> Result<Option<u64>> {
+        let at = self.reserve(order, bytes.len() as u64)?;
+        Ok(at.inspect(|&at| self.buffer.write(at, bytes)))
+    }
+
+    /// A place for `len` bytes, to be written through [`UploadRing::buffer`] before the copy is submitted;
+    /// `None` as in [`UploadRing::push`].
+    pub fn reserve(&mut self, order: &mut Order, len: u64) -> Result<Option<u64>> {
         while let Some(point) = self.space.oldest() {
             if !order.may_reuse(Edge::RingReuse, point)? {
                 break;
             }
             self.space.release_oldest();
         }
-        let Some(offset) = self.space.reserve(bytes.len() as u64) else { return Ok(None) };
-        self.buffer.write(offset, bytes);
-        Ok(Some(offset))
+        Ok(self.space.reserve(len))
     }
 
     /// Ties everything pushed since the last seal to the copy that reads it.

@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::{Commands, Gpu, GpuError, Order, Result, SyncPoint};
+use super::{Commands, Gpu, GpuError, Order, QueueKind, Result, SyncPoint};
 
 /// Measures consecutive stages within one [`Commands`].
 pub struct Timestamps {
     pool: Arc<QueryPool>,
     capacity: u32,
+    /// The bits of a timestamp that count.
+    counted: u64,
     /// Stages of the work being measured, in order; `None` while none is.
     stages: Option<Vec<&'static str>>,
 }
@@ -20,9 +22,10 @@ struct QueryPool {
 }
 
 impl Timestamps {
-    /// Room for `stages` stages; `None` on a device that cannot tell.
-    pub fn new(gpu: &Gpu, name: &str, stages: u32) -> Result<Option<Timestamps>> {
-        if gpu.limits().timestamp_ns == 0.0 || !gpu.0.has_host_query_reset {
+    /// Room for `stages` stages of work on `queue`; `None` on a device that cannot tell.
+    pub fn new(gpu: &Gpu, name: &str, queue: QueueKind, stages: u32) -> Result<Option<Timestamps>> {
+        let bits = gpu.limits().timestamp_bits[queue as usize];
+        if bits == 0 || gpu.limits().timestamp_ns == 0.0 || !gpu.0.has_host_query_reset {
             return Ok(None);
         }
         let capacity = stages + 1;
@@ -35,11 +38,12 @@ impl Timestamps {
         Ok(Some(Timestamps {
             pool: Arc::new(QueryPool { gpu: gpu.clone(), handle }),
             capacity,
+            counted: u64::MAX >> 64u32.saturating_sub(bits).min(63),
             stages: None,
         }))
     }
 
-    /// Starts the clock at this place in `commands` (of the compute queue).
+    /// Starts the clock at this place in `commands`, which are for the queue that this was made for.
     ///
     /// # Panics
     /// When the last measurement was not resolved.
@@ -72,11 +76,9 @@ impl Timestamps {
         // SAFETY: the pool is alive and has at least that many queries, all written by now.
         unsafe { device.get_query_pool_results(self.pool.handle, 0, &mut ticks, flags) }
             .map_err(|e| GpuError::vulkan("vkGetQueryPoolResults", e))?;
-        let limits = self.pool.gpu.limits();
-        let counted = u64::MAX >> 64u32.saturating_sub(limits.timestamp_bits).min(63);
-        let times = ticks
-            .windows(2)
-            .map(|pair| (pair[1].wrapping_sub(pair[0]) & counted) as f64 * limits.timestamp_ns);
+        let step_ns = self.pool.gpu.limits().timestamp_ns;
+        let times =
+            ticks.windows(2).map(|pair| (pair[1].wrapping_sub(pair[0]) & self.counted) as f64 * step_ns);
         Ok(stages.into_iter().zip(times).collect())
     }
 }

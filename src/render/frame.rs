@@ -5,7 +5,7 @@ use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
 use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height};
 use crate::gpu::{
-    Binding, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, SyncPoint, shaders,
+    Binding, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, SyncPoint, Timestamps, shaders,
 };
 use crate::stream::pool::Access;
 use crate::stream::scene::Scene;
@@ -67,6 +67,8 @@ pub struct View<'a> {
     pub background: Background,
     /// Which traversal.
     pub traversal: Traversal,
+    /// Only these cells are there, counted from the grid's anchor: lower corner, upper corner (exclusive).
+    pub window: Option<[[i32; 2]; 2]>,
 }
 
 /// What went wrong with a picture.
@@ -93,7 +95,7 @@ pub enum FrameError {
 /// Mirrors `Frame` in `shaders/frame.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct FrameConstants {
+pub(crate) struct FrameConstants {
     table: [u32; 2],
     hits: [u32; 2],
     colors: [u32; 2],
@@ -126,10 +128,107 @@ struct FrameConstants {
     floor: f32,
 }
 
+impl FrameConstants {
+    /// The same over what the thesis' kernel reads: heights, hits, image and colours; log2 of the section's side;
+    /// its coarsest level; where it lies.
+    pub(crate) fn over(
+        self,
+        [heights, hits, image, colors]: [&Buffer; 4],
+        side_log2: u32,
+        top_level: i32,
+        [low, high]: [[i32; 2]; 2],
+    ) -> FrameConstants {
+        FrameConstants {
+            table: halves(heights.address()),
+            hits: halves(hits.address()),
+            colors: halves(image.address()),
+            ramp: halves(colors.address()),
+            table_mask: side_log2,
+            top_level,
+            low,
+            high,
+            ..self
+        }
+    }
+
+    /// What `view` alone says: places, table and window are left 0.
+    pub(crate) fn new(view: &View, rays: &Rays, grid: &Grid, height_anchor: Height) -> FrameConstants {
+        let (cell, through) = (grid.cell(), &rays.through);
+        let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, HEIGHT_STEPS_PER_UNIT);
+        let anchor = DVec3::new(grid.anchor[0] as f64, grid.anchor[1] as f64, f64::from(height_anchor.0));
+        // Added in fixed point, so that what is left of the eye's place in the world does not round the rest.
+        // Divided as cell indices are: a border is a whole number.
+        let eye = through.eye / DVec3::new(cell, cell, 1.0 / HEIGHT_STEPS_PER_UNIT) - anchor;
+        let from_eye = through.o0 * per_unit;
+        let (origin_int, origin_fraction) = fixed3(eye, from_eye);
+        let (right_int, right_fraction) = fixed3(through.ox / 16.0 * per_unit, DVec3::ZERO);
+        let (down_int, down_fraction) = fixed3(through.oy / 16.0 * per_unit, DVec3::ZERO);
+        // From the north-west, 45° high, as on maps.
+        let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
+        FrameConstants {
+            width: view.size[0],
+            height: view.size[1],
+            origin_int,
+            origin_fraction,
+            right_int,
+            right_fraction,
+            down_int,
+            down_fraction,
+            depth: rays.shown.advanced() as f32,
+            forward: rays.shown.d0.as_vec3().to_array(),
+            right: (rays.shown.dx / 16.0).as_vec3().to_array(),
+            down: (rays.shown.dy / 16.0).as_vec3().to_array(),
+            to_local: (per_unit / DVec3::new(1.0, 1.0, view.z_scale)).as_vec3().to_array(),
+            height_anchor: height_anchor.0,
+            shade: u32::from(view.shade == Shade::Lit),
+            color_source: match view.colors.mode {
+                ColorMode::Rgb => 0,
+                ColorMode::Height => 1,
+                ColorMode::Class => 2,
+                ColorMode::Intensity => 3,
+                ColorMode::Return => 4,
+            },
+            range_low: view.colors.lo,
+            range_scale: view.colors.scale,
+            cell_steps: (cell * HEIGHT_STEPS_PER_UNIT / view.z_scale) as f32,
+            sun: sun.as_vec3().to_array(),
+            background: match view.background {
+                Background::None => 0,
+                Background::White => 1,
+                Background::Sky => 2,
+            },
+            floor: match view.shade {
+                Shade::None => f32::NEG_INFINITY,
+                Shade::Lit => (view.floor * HEIGHT_STEPS_PER_UNIT - f64::from(height_anchor.0)) as f32,
+            },
+            ..FrameConstants::zeroed()
+        }
+    }
+}
+
+/// The rays of a picture, from a plane just before the data on.
+pub(crate) struct Rays {
+    /// As they are shown.
+    shown: RayBasis,
+    /// As they run through unexaggerated data.
+    through: RayBasis,
+}
+
+impl Rays {
+    pub(crate) fn of(view: &View, cell: f64) -> Result<Rays, CameraError> {
+        let shown = view.camera.basis(view.size)?;
+        let bounds = view.bounds.exaggerated(view.z_scale, view.pivot);
+        // Not less than a cell before the data, so that rounding does not reach it.
+        let depth = shown.depth_of(&bounds, view.camera.forward(), view.size) - cell;
+        let shown = shown.advance(((depth * 16.0).floor() / 16.0).max(0.0));
+        Ok(Rays { shown, through: shown.exaggerated(view.z_scale, view.pivot)? })
+    }
+}
+
 /// Mirrors the push constants of `shaders/frame.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct Push {
+pub(crate) struct Push {
     frame: [u32; 2],
     sample_at: [i32; 2],
     sample_index: u32,
@@ -148,6 +247,20 @@ struct Hit {
     unused: u32,
     /// Lattice steps from the anchor.
     top: i32,
+}
+
+impl Push {
+    /// One sample of every pixel of a picture of `size`, in its centre.
+    pub(crate) fn whole(constants: &Buffer, size: [u32; 2]) -> Push {
+        Push {
+            frame: halves(constants.address()),
+            sample_at: sample_at(0, 1),
+            sample_index: 0,
+            sample_weight: 1.0,
+            first_row: 0,
+            rows: size[1],
+        }
+    }
 }
 
 const BYTES_PER_PIXEL: u64 = 16;
@@ -234,6 +347,8 @@ struct Band {
     rows: u32,
     sample: u32,
     samples: u32,
+    /// What it draws is copied back.
+    read: bool,
 }
 
 impl Renderer {
@@ -262,15 +377,9 @@ impl Renderer {
 
     /// Draws `view` and waits for it.
     pub fn draw(&mut self, scene: &mut Scene, view: &View) -> Result<Image, FrameError> {
-        let entries = scene.entries();
-        let shown = view.camera.basis(view.size)?;
-        let bounds = view.bounds.exaggerated(view.z_scale, view.pivot);
-        // Not less than a cell before the data, so that rounding does not reach it.
-        let depth = shown.depth_of(&bounds, view.camera.forward(), view.size) - self.grid.cell();
-        let shown = shown.advance(((depth * 16.0).floor() / 16.0).max(0.0));
-        let rays = shown.exaggerated(view.z_scale, view.pivot)?;
         check_size(scene.gpu(), view.size)?;
-        let table = Table::build(&entries, self.anchor);
+        let rays = Rays::of(view, self.grid.cell())?;
+        let table = self.table(scene);
         let mut image = Image::new(view.size);
         let [width, height] = view.size;
         let samples = view.samples.max(1);
@@ -279,8 +388,8 @@ impl Renderer {
             let rows = band_rows(view.size).min(height - first_row);
             let mut last = None;
             for sample in 0..samples {
-                let band = Band { first_row, rows, sample, samples };
-                last = Some(self.submit(scene, view, &table, &shown, &rays, band)?);
+                let band = Band { first_row, rows, sample, samples, read: sample + 1 == samples };
+                last = Some(self.submit(scene, view, &table, &rays, band, None)?);
             }
             let point = last.expect("there is a sample");
             let target = self.target.as_ref().expect("submit made it");
@@ -289,9 +398,32 @@ impl Renderer {
             let colors = bytemuck::cast_slice_mut(&mut image.color[from..from + pixels]);
             scene.order.read(point, &target.hits_back, 0, bytemuck::cast_slice_mut(&mut hits))?;
             scene.order.read(point, &target.colors_back, 0, colors)?;
-            self.finish(&shown, &rays, &hits, from, &mut image);
+            self.finish(&rays, &hits, from, &mut image);
         }
         Ok(image)
+    }
+
+    /// Submits one sample of every pixel and waits for nothing but the frame before the last; nothing is copied
+    /// back. With a `clock` of one stage for each pass, its stages are the passes.
+    ///
+    /// # Panics
+    /// When the picture has more pixels than one submit may trace ([`SUBMIT_RAYS`]).
+    pub fn submit_frame(
+        &mut self,
+        scene: &mut Scene,
+        view: &View,
+        table: &Table,
+        clock: Option<&mut Timestamps>,
+    ) -> Result<SyncPoint, FrameError> {
+        let rays = Rays::of(view, self.grid.cell())?;
+        assert_eq!(band_rows(view.size), view.size[1], "a picture of one band");
+        let band = Band { first_row: 0, rows: view.size[1], sample: 0, samples: 1, read: false };
+        self.submit(scene, view, table, &rays, band, clock)
+    }
+
+    /// What a frame may see now.
+    pub fn table(&self, scene: &Scene) -> Table {
+        Table::build(&scene.entries(), self.anchor)
     }
 
     fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2]) -> Result<(), FrameError> {
@@ -316,9 +448,9 @@ impl Renderer {
         scene: &mut Scene,
         view: &View,
         table: &Table,
-        shown: &RayBasis,
-        rays: &RayBasis,
+        rays: &Rays,
         band: Band,
+        mut clock: Option<&mut Timestamps>,
     ) -> Result<SyncPoint, FrameError> {
         let (mut commands, slot) = scene.order.begin_frame("frame")?;
         self.prepare(scene, slot, view.size)?;
@@ -337,7 +469,17 @@ impl Renderer {
             }
         };
         let target = self.target.as_ref().expect("prepared");
-        let constants = self.constants(view, table, shown, rays, &buffers, target);
+        let constants = FrameConstants {
+            table_mask: table.slots.len() as u32 - 1,
+            top_level: table.top_level as i32,
+            low: std::array::from_fn(|a| {
+                view.window.map_or(table.low[a], |[low, _]| low[a].max(table.low[a]))
+            }),
+            high: std::array::from_fn(|a| {
+                view.window.map_or(table.high[a], |[_, high]| high[a].min(table.high[a]))
+            }),
+            ..self.constants(view, rays, &buffers, target)
+        };
         buffers.table.write(0, table_bytes);
         buffers.ramp.write(0, bytemuck::cast_slice(view.colors.table.as_slice()));
         buffers.frame.write(0, bytemuck::bytes_of(&constants));
@@ -369,7 +511,12 @@ impl Renderer {
             first_row: band.first_row,
             rows: band.rows,
         };
-        for (program, binding) in [(trace, &trace_binding), (&self.shade, &shade_binding)] {
+        if let Some(clock) = clock.as_mut() {
+            clock.begin(&mut commands);
+        }
+        for (program, binding, name) in
+            [(trace, &trace_binding, "trace"), (&self.shade, &shade_binding, "shade")]
+        {
             if std::ptr::eq(program, &self.shade) {
                 scene.order.next_pass(&mut commands);
             }
@@ -379,8 +526,11 @@ impl Renderer {
                 commands.bind_buffers(binding);
             }
             commands.dispatch(groups);
+            if let Some(clock) = clock.as_mut() {
+                clock.end(&mut commands, name);
+            }
         }
-        if band.sample + 1 == band.samples {
+        if band.read {
             let pixels = u64::from(view.size[0]) * u64::from(band.rows);
             let all = BufferCopy { from: 0, to: 0, size: pixels * BYTES_PER_PIXEL };
             let copies = [(&target.hits, &target.hits_back, all), (&target.colors, &target.colors_back, all)];
@@ -392,81 +542,23 @@ impl Renderer {
         Ok(point)
     }
 
-    fn constants(
-        &self,
-        view: &View,
-        table: &Table,
-        shown: &RayBasis,
-        rays: &RayBasis,
-        buffers: &InFlight,
-        target: &Target,
-    ) -> FrameConstants {
-        let cell = self.grid.cell();
-        let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, HEIGHT_STEPS_PER_UNIT);
-        let anchor =
-            DVec3::new(self.grid.anchor[0] as f64, self.grid.anchor[1] as f64, f64::from(self.anchor.0));
-        // Added in fixed point, so that what is left of the eye's place in the world does not round the rest.
-        // Divided as cell indices are: a border is a whole number.
-        let eye = rays.eye / DVec3::new(cell, cell, 1.0 / HEIGHT_STEPS_PER_UNIT) - anchor;
-        let from_eye = rays.o0 * per_unit;
+    /// All but what is said of the table.
+    fn constants(&self, view: &View, rays: &Rays, buffers: &InFlight, target: &Target) -> FrameConstants {
         let place = match self.access {
             Access::Address => |b: &Buffer| halves(b.address()),
             Access::StorageBuffer => |_: &Buffer| [0; 2],
         };
-        let (origin_int, origin_fraction) = fixed3(eye, from_eye);
-        let (right_int, right_fraction) = fixed3(rays.ox / 16.0 * per_unit, DVec3::ZERO);
-        let (down_int, down_fraction) = fixed3(rays.oy / 16.0 * per_unit, DVec3::ZERO);
-        // From the north-west, 45° high, as on maps.
-        let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
         FrameConstants {
             table: place(&buffers.table),
             hits: place(&target.hits),
             colors: place(&target.colors),
             ramp: place(&buffers.ramp),
-            table_mask: table.slots.len() as u32 - 1,
-            top_level: table.top_level as i32,
-            low: table.low,
-            high: table.high,
-            width: view.size[0],
-            height: view.size[1],
-            origin_int,
-            origin_fraction,
-            right_int,
-            right_fraction,
-            down_int,
-            down_fraction,
-            depth: shown.advanced() as f32,
-            forward: shown.d0.as_vec3().to_array(),
-            right: (shown.dx / 16.0).as_vec3().to_array(),
-            down: (shown.dy / 16.0).as_vec3().to_array(),
-            to_local: (per_unit / DVec3::new(1.0, 1.0, view.z_scale)).as_vec3().to_array(),
-            height_anchor: self.anchor.0,
-            shade: u32::from(view.shade == Shade::Lit),
-            color_source: match view.colors.mode {
-                ColorMode::Rgb => 0,
-                ColorMode::Height => 1,
-                ColorMode::Class => 2,
-                ColorMode::Intensity => 3,
-                ColorMode::Return => 4,
-            },
-            range_low: view.colors.lo,
-            range_scale: view.colors.scale,
-            cell_steps: (cell * HEIGHT_STEPS_PER_UNIT / view.z_scale) as f32,
-            sun: sun.as_vec3().to_array(),
-            background: match view.background {
-                Background::None => 0,
-                Background::White => 1,
-                Background::Sky => 2,
-            },
-            floor: match view.shade {
-                Shade::None => f32::NEG_INFINITY,
-                Shade::Lit => (view.floor * HEIGHT_STEPS_PER_UNIT - f64::from(self.anchor.0)) as f32,
-            },
+            ..FrameConstants::new(view, rays, &self.grid, self.anchor)
         }
     }
 
     /// Channels of the picture's pixels from `from` on: distances and heights in f64 from what the device found.
-    fn finish(&self, shown: &RayBasis, rays: &RayBasis, hits: &[Hit], from: usize, image: &mut Image) {
+    fn finish(&self, Rays { shown, through: rays }: &Rays, hits: &[Hit], from: usize, image: &mut Image) {
         let width = image.width;
         for (at, hit) in (from..).zip(hits) {
             let class = hit.bits & 0x1FF;

@@ -9,12 +9,12 @@ use super::table::Entry;
 use crate::attribute::ClassMask;
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
-    Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, SyncPoint, UploadRing,
-    shaders,
+    Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind, SyncPoint,
+    Timestamps, UploadRing, shaders,
 };
-use crate::section::{Layout, Packed, SECTION_BLOCKS};
+use crate::section::{HighestOf, Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
@@ -36,7 +36,8 @@ pub struct Visibility {
 }
 
 impl Visibility {
-    fn shows(&self, class: u8, withheld: bool) -> bool {
+    /// Whether points of this class are shown.
+    pub fn shows(&self, class: u8, withheld: bool) -> bool {
         self.classes.shows(class) && (self.withheld || !withheld)
     }
 }
@@ -55,6 +56,8 @@ pub struct Counters {
 /// How far a section is.
 #[derive(Clone, Copy, Debug)]
 enum State {
+    /// In the copy that is being recorded.
+    Staged,
     Copying(SyncPoint),
     Building(SyncPoint),
     Live,
@@ -64,8 +67,24 @@ enum State {
 struct Version {
     slot: Slot,
     layout: Layout,
-    highest_of: Vec<(u8, bool, Height)>,
+    highest_of: HighestOf,
     state: State,
+}
+
+/// What the device did for sections, and when.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Work {
+    /// Copies into slots.
+    Copy,
+    /// Derived passes.
+    Build,
+}
+
+/// Times every submit on the device.
+#[derive(Default)]
+struct Clock {
+    idle: Vec<(QueueKind, Timestamps)>,
+    running: Vec<(Work, QueueKind, SyncPoint, Timestamps)>,
 }
 
 /// A section: the version that tables name, and the one on its way.
@@ -124,6 +143,10 @@ pub struct Scene {
     visibility: Visibility,
     cell: f64,
     counters: Counters,
+    /// The copy that is being recorded, and whose sections it moves.
+    batch: Option<(Commands, Option<Timestamps>)>,
+    staged: Vec<SectionKey>,
+    clock: Option<Clock>,
 }
 
 impl Scene {
@@ -158,53 +181,56 @@ impl Scene {
             visibility,
             cell,
             counters: Counters::default(),
+            batch: None,
+            staged: Vec::new(),
+            clock: None,
         })
     }
 
     /// Starts to copy a section's new version; the old one, if any, stays named until this one is live.
     /// `false` when the pool has no room.
     pub fn upload(&mut self, key: SectionKey, packed: &Packed) -> Result<bool, GpuError> {
-        let slot = loop {
-            self.reclaim()?;
-            if let Some(slot) = self.pool.alloc(packed.layout.device_bytes())? {
-                break slot;
-            }
-            let Some(use_of_freed) = self.freed.first().and_then(|f| f.uses.last()) else { return Ok(false) };
-            self.order.wait(*use_of_freed)?;
-        };
-        let bytes: &[u8] = bytemuck::cast_slice(&packed.words);
-        // A payload that is larger than the ring goes in pieces.
-        let mut last = None;
-        for (piece, part) in bytes.chunks(RING_BYTES as usize / 2).enumerate() {
-            let from = loop {
-                if let Some(from) = self.ring.push(&mut self.order, part)? {
-                    break from;
-                }
-                let oldest = self.ring.oldest().expect("a piece fits an empty ring");
-                self.order.wait(oldest)?;
-            };
-            let mut after = self.reclaimed.clone();
-            if self.pool.access() == Access::StorageBuffer {
-                // Validation takes a bound buffer as touched all over.
-                after.extend(self.last_build.into_iter().chain(self.last_frame));
-            }
-            let mut commands = self.order.begin_copy("upload", &after)?;
-            let to = slot.offset() + (piece * (RING_BYTES as usize / 2)) as u64;
-            let range = BufferCopy { from, to, size: part.len() as u64 };
-            commands.copy(self.ring.buffer(), self.pool.buffer(&slot), &[range]);
-            let point = self.order.submit(commands)?;
-            self.ring.seal(point);
-            last = Some(point);
+        self.upload_with(key, packed.layout, |words| {
+            words.copy_from_slice(&packed.words);
+            packed.highest_of.clone()
+        })
+    }
+
+    /// The same with `write`, which is given the words that are uploaded, all of them to be written once and in
+    /// order, right in the upload ring.
+    pub fn upload_with(
+        &mut self,
+        key: SectionKey,
+        layout: Layout,
+        write: impl FnOnce(&mut [u32]) -> HighestOf,
+    ) -> Result<bool, GpuError> {
+        if self.staged.contains(&key) {
+            self.flush()?;
         }
-        let copied = last.expect("a payload has a header");
-        self.counters.section_bytes += bytes.len() as u64;
-        self.counters.sections += 1;
-        let version = Version {
-            slot,
-            layout: packed.layout,
-            highest_of: packed.highest_of.clone(),
-            state: State::Copying(copied),
+        let Some(slot) = self.slot(layout.device_bytes())? else { return Ok(false) };
+        let len = u64::from(layout.uploaded_words) * 4;
+        let highest_of = if len <= RING_BYTES {
+            let from = self.ring_place(len)?;
+            let highest_of =
+                self.ring.buffer().write_with(from, len, |bytes| write(bytemuck::cast_slice_mut(bytes)));
+            self.stage(&slot, 0, from, len)?;
+            highest_of
+        } else {
+            // A payload that is larger than the ring goes in pieces.
+            let mut words = vec![0; layout.uploaded_words as usize];
+            let highest_of = write(&mut words);
+            let piece_bytes = RING_BYTES as usize / 2;
+            for (piece, part) in bytemuck::cast_slice::<u32, u8>(&words).chunks(piece_bytes).enumerate() {
+                let from = self.ring_place(part.len() as u64)?;
+                self.ring.buffer().write(from, part);
+                self.stage(&slot, (piece * piece_bytes) as u64, from, part.len() as u64)?;
+            }
+            highest_of
         };
+        self.counters.section_bytes += len;
+        self.counters.sections += 1;
+        let version = Version { slot, layout, highest_of, state: State::Staged };
+        self.staged.push(key);
         let overtaken = self.sections.entry(key).or_default().coming.replace(version);
         if let Some(old) = overtaken {
             self.release(old);
@@ -212,12 +238,131 @@ impl Scene {
         Ok(true)
     }
 
-    /// Takes a section out; its slot is free once nothing can read it any more. Its neighbours lose the bridges
-    /// that led to it.
-    pub fn remove(&mut self, key: SectionKey) -> Result<(), GpuError> {
-        if let Some(resident) = self.sections.remove(&key) {
-            let near = self.jobs(&self.rebuilt_with(&BTreeSet::from([key])), &BTreeSet::new());
-            self.build(&[], &near, &[])?;
+    /// A slot of `bytes`; `None` when there is none even after all that was given back is free.
+    fn slot(&mut self, bytes: u64) -> Result<Option<Slot>, GpuError> {
+        loop {
+            if let Some(slot) = self.pool.alloc(bytes)? {
+                return Ok(Some(slot));
+            }
+            // The copy being recorded knows nothing of slots that come back from here on.
+            self.flush()?;
+            self.reclaim()?;
+            if let Some(slot) = self.pool.alloc(bytes)? {
+                return Ok(Some(slot));
+            }
+            let Some(last_use) = self.freed.first().and_then(|f| f.uses.last()) else { return Ok(None) };
+            self.order.wait(*last_use)?;
+        }
+    }
+
+    /// A place for `len` bytes in the upload ring: waits for older copies if it must.
+    fn ring_place(&mut self, len: u64) -> Result<u64, GpuError> {
+        loop {
+            if let Some(from) = self.ring.reserve(&mut self.order, len)? {
+                return Ok(from);
+            }
+            self.flush()?;
+            let oldest = self.ring.oldest().expect("a piece fits an empty ring");
+            self.order.wait(oldest)?;
+        }
+    }
+
+    /// Records the copy of `len` bytes at `from` of the ring to byte `to` of the slot.
+    fn stage(&mut self, slot: &Slot, to: u64, from: u64, len: u64) -> Result<(), GpuError> {
+        let (mut commands, timestamps) = match self.batch.take() {
+            Some(batch) => batch,
+            None => {
+                let mut after = self.reclaimed.clone();
+                if self.pool.access() == Access::StorageBuffer {
+                    // Validation takes a bound buffer as touched all over.
+                    after.extend(self.last_build.into_iter().chain(self.last_frame));
+                }
+                let mut commands = self.order.begin_copy("uploads", &after)?;
+                let timestamps = self.start_clock(&mut commands)?;
+                (commands, timestamps)
+            }
+        };
+        let range = BufferCopy { from, to: slot.offset() + to, size: len };
+        commands.copy(self.ring.buffer(), self.pool.buffer(slot), &[range]);
+        self.batch = Some((commands, timestamps));
+        Ok(())
+    }
+
+    /// Submits the copies recorded so far.
+    pub fn flush(&mut self) -> Result<(), GpuError> {
+        let Some((commands, timestamps)) = self.batch.take() else { return Ok(()) };
+        let point = self.submit(Work::Copy, commands, timestamps)?;
+        self.ring.seal(point);
+        for key in std::mem::take(&mut self.staged) {
+            if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.coming.as_mut()) {
+                version.state = State::Copying(point);
+            }
+        }
+        Ok(())
+    }
+
+    /// Measures every copy and build from now on; see [`Scene::take_times`].
+    pub fn time(&mut self) {
+        self.clock.get_or_insert_default();
+    }
+
+    /// Device times of the work that is done and was not asked for yet, nanoseconds; empty on a device that
+    /// cannot tell.
+    pub fn take_times(&mut self) -> Result<Vec<(Work, f64)>, GpuError> {
+        let Some(clock) = &mut self.clock else { return Ok(Vec::new()) };
+        let (mut times, mut still) = (Vec::new(), Vec::new());
+        for (work, queue, point, mut timestamps) in clock.running.drain(..) {
+            if self.order.reached(point)? {
+                times.extend(
+                    timestamps.resolve(&mut self.order, point)?.into_iter().map(|(_, ns)| (work, ns)),
+                );
+                clock.idle.push((queue, timestamps));
+            } else {
+                still.push((work, queue, point, timestamps));
+            }
+        }
+        clock.running = still;
+        Ok(times)
+    }
+
+    fn start_clock(&mut self, commands: &mut Commands) -> Result<Option<Timestamps>, GpuError> {
+        let Some(clock) = &mut self.clock else { return Ok(None) };
+        let queue = commands.queue();
+        let idle = clock.idle.iter().position(|(of, _)| *of == queue).map(|at| clock.idle.swap_remove(at).1);
+        let mut timestamps = match idle {
+            Some(timestamps) => Some(timestamps),
+            None => Timestamps::new(&self.gpu, "sections", queue, 1)?,
+        };
+        timestamps.iter_mut().for_each(|t| t.begin(commands));
+        Ok(timestamps)
+    }
+
+    fn submit(
+        &mut self,
+        work: Work,
+        mut commands: Commands,
+        timestamps: Option<Timestamps>,
+    ) -> Result<SyncPoint, GpuError> {
+        let queue = commands.queue();
+        let timestamps = timestamps.map(|mut timestamps| {
+            timestamps.end(&mut commands, "all");
+            timestamps
+        });
+        let point = self.order.submit(commands)?;
+        if let (Some(clock), Some(timestamps)) = (&mut self.clock, timestamps) {
+            clock.running.push((work, queue, point, timestamps));
+        }
+        Ok(point)
+    }
+    /// Takes sections out; their slots are free once nothing can read them any more. Their neighbours lose the
+    /// bridges that led to them.
+    pub fn remove(&mut self, keys: &[SectionKey]) -> Result<(), GpuError> {
+        self.flush()?;
+        let gone: BTreeMap<_, _> =
+            keys.iter().filter_map(|&key| Some((key, self.sections.remove(&key)?))).collect();
+        let near = self.jobs(&self.rebuilt_with(&gone.keys().copied().collect()), &BTreeSet::new());
+        self.build(&[], &near, &[])?;
+        for resident in gone.into_values() {
             resident.live.into_iter().chain(resident.coming).for_each(|v| self.release(v));
         }
         Ok(())
@@ -261,6 +406,7 @@ impl Scene {
     /// Moves every version on that the device is done with: copied ones are built (together with the
     /// neighbours whose bridges they change), built ones go live. Never waits. Call it once a frame.
     pub fn advance(&mut self) -> Result<(), GpuError> {
+        self.flush()?;
         self.reclaim()?;
         let (mut copied, mut done) = (Vec::new(), Vec::new());
         for (&key, resident) in &self.sections {
@@ -316,7 +462,7 @@ impl Scene {
             self.advance()?;
             let next = self.sections.values().filter_map(|r| match r.coming.as_ref()?.state {
                 State::Copying(point) | State::Building(point) => Some(point),
-                State::Live => None,
+                State::Staged | State::Live => None,
             });
             match next.max_by_key(|p| p.value()) {
                 Some(point) => self.order.wait(point)?,
@@ -338,8 +484,9 @@ impl Scene {
 
     /// One job for every built version of `keys`, and for those of `fresh`, whose copies are there.
     fn jobs(&self, keys: &BTreeSet<SectionKey>, fresh: &BTreeSet<SectionKey>) -> Vec<Job> {
-        let is_built =
-            |key: &SectionKey, v: &Version| !matches!(v.state, State::Copying(_)) || fresh.contains(key);
+        let is_built = |key: &SectionKey, v: &Version| {
+            !matches!(v.state, State::Staged | State::Copying(_)) || fresh.contains(key)
+        };
         let newest = |key: SectionKey| -> Option<&Version> {
             let resident = self.sections.get(&key)?;
             resident.coming.as_ref().filter(|v| is_built(&key, v)).or(resident.live.as_ref())
@@ -361,6 +508,9 @@ impl Scene {
     /// Submits the derived passes: tops of `tops`, then bridges and pyramids of `all`. Nothing runs for long: a
     /// frame is never far behind.
     fn build(&mut self, tops: &[Job], all: &[Job], copied: &[SyncPoint]) -> Result<(), GpuError> {
+        if tops.is_empty() && all.is_empty() {
+            return Ok(());
+        }
         let words = self.visibility.classes.0;
         let derive = Derive {
             visible: words,
@@ -374,15 +524,17 @@ impl Scene {
         let blocks = SECTION_BLOCKS as u32;
         for jobs in tops.chunks(SUBMIT_SECTIONS) {
             let mut commands = self.order.begin_build("tops", copied)?;
+            let timestamps = self.start_clock(&mut commands)?;
             self.dispatch(&mut commands, &tops_pass, jobs, &params, [blocks, jobs.len() as u32, 1])?;
-            self.last_build = Some(self.order.submit(commands)?);
+            self.last_build = Some(self.submit(Work::Build, commands, timestamps)?);
         }
         for jobs in all.chunks(SUBMIT_SECTIONS) {
             let mut commands = self.order.begin_build("bridges and pyramids", &[])?;
+            let timestamps = self.start_clock(&mut commands)?;
             self.dispatch(&mut commands, &bridge_pass, jobs, &params, [blocks, jobs.len() as u32, 1])?;
             self.order.next_pass(&mut commands);
             self.dispatch(&mut commands, &pyramid_pass, jobs, &params, [jobs.len() as u32, 1, 1])?;
-            self.last_build = Some(self.order.submit(commands)?);
+            self.last_build = Some(self.submit(Work::Build, commands, timestamps)?);
         }
         self.counters.builds += all.len() as u64;
         Ok(())

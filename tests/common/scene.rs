@@ -120,6 +120,7 @@ impl Data {
             shade: Shade::None,
             background: Background::None,
             traversal: Traversal::Fast,
+            window: None,
         }
     }
 

@@ -135,7 +135,7 @@ impl Calm<'_> {
         self.scene.show(visibility).unwrap();
         for (key, raised) in std::mem::take(&mut self.shown) {
             if shown.get(&key) != Some(&raised) {
-                self.scene.remove(key).unwrap();
+                self.scene.remove(&[key]).unwrap();
             } else {
                 self.shown.insert(key, raised);
             }
@@ -235,7 +235,7 @@ impl Busy<'_> {
         // Others in the same slots, while the device is at work on them.
         for (place, mask) in [(3, ground), (4, all), (5, ground), (0, all)] {
             self.show(mask);
-            self.scene.remove(self.story.key(place)).unwrap();
+            self.scene.remove(&[self.story.key(place)]).unwrap();
             wanted.remove(&self.story.key(place));
             self.upload(SECTIONS + place, (40 + place) * steps);
             wanted.insert(self.story.key(SECTIONS + place), (40 + place) * steps);
@@ -247,7 +247,7 @@ impl Busy<'_> {
         self.rest("slots were used again", &wanted);
 
         // All gone, and one back.
-        wanted.keys().for_each(|&key| self.scene.remove(key).unwrap());
+        wanted.keys().for_each(|&key| self.scene.remove(&[key]).unwrap());
         self.frame("nothing is left");
         self.upload(2, 0);
         self.rest("one is back", &Shown::from([(self.story.key(2), 0)]));

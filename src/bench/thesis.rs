@@ -1,0 +1,332 @@
+//! The pipeline of the thesis, as fast as its description allows: in each frame the camera section is cut out of
+//! an array of sections, row by row, into one mapped buffer (§3.2.2), copied to the device in two pieces, heights
+//! and colours (§3.1.2), and traced by the plain traversal (§3.2.3) in upright strips (§3.3.2).
+
+use super::world::World;
+use crate::gpu::{
+    Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind, Timestamps, shaders,
+};
+use crate::render::frame::{FrameConstants, FrameError, Push, Rays, View};
+use std::collections::VecDeque;
+use std::time::Instant;
+
+/// A configuration of Table 4.1: `grid` × `grid` cells of the coarsest of `levels` levels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// Coarsest cells a side, a power of two.
+    pub grid: u32,
+    /// Levels.
+    pub levels: u32,
+}
+
+impl Config {
+    /// Those of the thesis, in its order.
+    pub const ALL: [Config; 7] = [
+        Config { grid: 16, levels: 8 },
+        Config { grid: 16, levels: 9 },
+        Config { grid: 32, levels: 7 },
+        Config { grid: 32, levels: 8 },
+        Config { grid: 32, levels: 9 },
+        Config { grid: 64, levels: 7 },
+        Config { grid: 64, levels: 8 },
+    ];
+
+    /// Finest cells a side.
+    pub fn side(self) -> u32 {
+        self.grid << (self.levels - 1)
+    }
+
+    /// Finest cells in one of the coarsest.
+    fn coarsest(self) -> i32 {
+        1 << (self.levels - 1)
+    }
+
+    /// Heights of all levels, finest first (§3.3.1).
+    pub fn heights(self) -> usize {
+        (0..self.levels).map(|l| self.level(l).pow(2)).sum()
+    }
+
+    /// Cells a side of level `l`.
+    fn level(self, l: u32) -> usize {
+        (self.side() >> l) as usize
+    }
+
+    /// Bytes of a camera section.
+    pub fn bytes(self) -> u64 {
+        4 * (self.heights() as u64 + u64::from(self.side()).pow(2))
+    }
+
+    /// The camera section around cell (i, j): low corner and high corner (exclusive), aligned to the coarsest
+    /// cells (§3.3.3).
+    pub fn window(self, cell: [i32; 2]) -> [[i32; 2]; 2] {
+        let half = (self.grid / 2) as i32;
+        let low = cell.map(|c| (c.div_euclid(self.coarsest()) - half) * self.coarsest());
+        [low, low.map(|l| l + self.side() as i32)]
+    }
+}
+
+/// A section of the array: as wide as the camera section, its levels in one allocation.
+struct Section {
+    at: [i32; 2],
+    heights: Vec<f32>,
+    colors: Vec<u32>,
+}
+
+impl Section {
+    /// Filled, as its thread would have left it (§3.2.1).
+    fn new(config: Config, at: [i32; 2], world: &World, reuse: Option<Section>) -> Section {
+        let side = config.side() as usize;
+        let mut section = match reuse {
+            Some(old) => Section { at, ..old },
+            None => Section { at, heights: vec![0.0; config.heights()], colors: vec![0; side * side] },
+        };
+        let [x, y] = at.map(|a| a * side as i32);
+        for row in 0..side {
+            let cells = row * side..(row + 1) * side;
+            world.row([x, y + row as i32], &mut section.heights[cells.clone()], &mut section.colors[cells]);
+        }
+        let mut rest = &mut section.heights[..];
+        for l in 0..config.levels - 1 {
+            let n = config.level(l);
+            let (fine, coarser) = rest.split_at_mut(n * n);
+            for (row, pair) in coarser[..n * n / 4].chunks_exact_mut(n / 2).zip(fine.chunks_exact(2 * n)) {
+                let (south, north) = pair.split_at(n);
+                for ((top, s), n) in row.iter_mut().zip(south.chunks_exact(2)).zip(north.chunks_exact(2)) {
+                    *top = s[0].max(s[1]).max(n[0].max(n[1]));
+                }
+            }
+            rest = coarser;
+        }
+        section
+    }
+}
+
+/// Sections kept filled. The thesis keeps sixteen; a camera section never touches more than four, and how many lie
+/// idle beside them changes no time of a frame.
+const FILLED: usize = 6;
+
+/// One frame's times and bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct Times {
+    /// Cutting the camera section out, ms.
+    pub prepare_ms: f64,
+    /// On the device, ms.
+    pub copy_ms: f64,
+    /// Copied.
+    pub copy_bytes: u64,
+    /// On the device, ms.
+    pub trace_ms: f64,
+    /// From submit to the host's seeing it done, ms.
+    pub trace_wall_ms: f64,
+    /// The whole frame on the host's clock, ms.
+    pub total_ms: f64,
+}
+
+/// The pipeline for one configuration.
+pub struct Thesis {
+    config: Config,
+    order: Order,
+    sections: VecDeque<Section>,
+    trace: ComputePipeline,
+    group: [u32; 2],
+    staging: Buffer,
+    heights: Buffer,
+    colors: Buffer,
+    constants: Buffer,
+    hits: Buffer,
+    image: Buffer,
+    hits_back: Buffer,
+    image_back: Buffer,
+    clocks: Option<[Timestamps; 2]>,
+    size: [u32; 2],
+}
+
+/// What a pixel shows, for comparisons.
+pub struct Picture {
+    /// t of the hit as float bits; [`u32::MAX`] in the second word: a miss.
+    pub hits: Vec<[u32; 4]>,
+    /// Linear.
+    pub colors: Vec<[f32; 4]>,
+}
+
+/// Copies the `n` × `n` cells from `low` on out of the planes of the (up to four) sections that they lie in.
+fn cut<'a, T: Copy + 'a>(to: &mut [T], n: usize, low: [i32; 2], plane: impl Fn([i32; 2]) -> &'a [T]) {
+    let (first, inner) = (low.map(|c| c.div_euclid(n as i32)), low.map(|c| c.rem_euclid(n as i32) as usize));
+    // Rows and columns of the first section, then those of the one behind it, if any.
+    let parts =
+        |axis: usize| [(first[axis], inner[axis]..n, 0), (first[axis] + 1, 0..inner[axis], n - inner[axis])];
+    for (j, rows, y0) in parts(1).into_iter().filter(|(_, rows, _)| !rows.is_empty()) {
+        for (i, columns, x0) in parts(0).into_iter().filter(|(_, columns, _)| !columns.is_empty()) {
+            let from = plane([i, j]);
+            for (y, row) in rows.clone().enumerate() {
+                let part = &from[row * n..][columns.clone()];
+                to[(y0 + y) * n + x0..][..part.len()].copy_from_slice(part);
+            }
+        }
+    }
+}
+
+fn ms(from: Instant) -> f64 {
+    from.elapsed().as_secs_f64() * 1e3
+}
+
+impl Thesis {
+    /// For pictures of `size`; `group`: pixels a workgroup covers.
+    pub fn new(gpu: &Gpu, config: Config, size: [u32; 2], group: [u32; 2]) -> Result<Thesis, GpuError> {
+        let constants = [(0, group[0]), (1, group[1])];
+        let push = size_of::<Push>() as u32;
+        let pixels = 16 * u64::from(size[0]) * u64::from(size[1]);
+        let make = |name: &str, kind, bytes| Buffer::new(gpu, name, kind, bytes);
+        let height_bytes = 4 * config.heights() as u64;
+        let clock = |queue| Timestamps::new(gpu, "thesis", queue, 1);
+        let clocks = clock(QueueKind::Transfer)?.zip(clock(QueueKind::Compute)?);
+        Ok(Thesis {
+            config,
+            order: Order::new(gpu, 1)?,
+            sections: VecDeque::new(),
+            trace: ComputePipeline::new(gpu, "thesis", shaders::THESIS, &constants, push, 0)?,
+            group,
+            staging: make("camera section, host", MemoryKind::Upload, config.bytes())?,
+            heights: make("camera section, heights", MemoryKind::Device, height_bytes)?,
+            colors: make("camera section, colours", MemoryKind::Device, config.bytes() - height_bytes)?,
+            constants: make("thesis constants", MemoryKind::Upload, size_of::<FrameConstants>() as u64)?,
+            hits: make("thesis hits", MemoryKind::Device, pixels)?,
+            image: make("thesis image", MemoryKind::Device, pixels)?,
+            hits_back: make("thesis hits read back", MemoryKind::Readback, pixels)?,
+            image_back: make("thesis image read back", MemoryKind::Readback, pixels)?,
+            clocks: clocks.map(|(a, b)| [a, b]),
+            size,
+        })
+    }
+
+    /// Host bytes that it takes beside its buffers.
+    pub fn host_bytes(config: Config) -> u64 {
+        config.bytes() * FILLED as u64
+    }
+
+    /// Fills the sections that the camera section at `window` touches. Its time is the loading threads', not the
+    /// frame's.
+    pub fn load(&mut self, world: &World, window: [[i32; 2]; 2]) {
+        let side = self.config.side() as i32;
+        let [low, high] = window.map(|corner| corner.map(|c| c.div_euclid(side)));
+        for at in (low[1]..=high[1]).flat_map(|j| (low[0]..=high[0]).map(move |i| [i, j])) {
+            // An aligned window ends where the next section begins.
+            if at[0] * side >= window[1][0] || at[1] * side >= window[1][1] {
+                continue;
+            }
+            let section = match self.sections.iter().position(|s| s.at == at) {
+                Some(known) => self.sections.remove(known).expect("just found"),
+                None => {
+                    let idle = (self.sections.len() >= FILLED).then(|| self.sections.pop_front()).flatten();
+                    Section::new(self.config, at, world, idle)
+                }
+            };
+            self.sections.push_back(section);
+        }
+    }
+
+    /// Cuts the camera section out of the array into the mapped buffer: heights of all levels, then colours.
+    fn extract(&self, [low, _]: [[i32; 2]; 2]) {
+        let config = self.config;
+        let section =
+            |at: [i32; 2]| self.sections.iter().find(|s| s.at == at).expect("loaded before the frame");
+        self.staging.write_with(0, config.bytes(), |bytes| {
+            let (heights, colors) = bytes.split_at_mut(4 * config.heights());
+            let mut heights: &mut [f32] = bytemuck::cast_slice_mut(heights);
+            let colors: &mut [u32] = bytemuck::cast_slice_mut(colors);
+            let mut offset = 0;
+            for l in 0..config.levels {
+                let n = config.level(l);
+                let (level, rest) = heights.split_at_mut(n * n);
+                cut(level, n, low.map(|c| c >> l), |at| &section(at).heights[offset..offset + n * n]);
+                offset += n * n;
+                heights = rest;
+            }
+            cut(colors, config.level(0), low, |at| &section(at).colors);
+        });
+    }
+
+    /// Draws a frame: the camera section at `window` is cut out, copied and traced, one after the other.
+    pub fn frame(&mut self, view: &View, world: &World) -> Result<Times, FrameError> {
+        let window = view.window.expect("a camera section");
+        let begin = Instant::now();
+        self.extract(window);
+        let prepare_ms = ms(begin);
+
+        let copying = Instant::now();
+        let mut copy = self.order.begin_copy("camera section", &[])?;
+        if let Some([clock, _]) = &mut self.clocks {
+            clock.begin(&mut copy);
+        }
+        let height_bytes = self.heights.size();
+        let heights = BufferCopy { from: 0, to: 0, size: height_bytes };
+        let colors = BufferCopy { from: height_bytes, to: 0, size: self.colors.size() };
+        copy.copy(&self.staging, &self.heights, &[heights]);
+        copy.copy(&self.staging, &self.colors, &[colors]);
+        if let Some([clock, _]) = &mut self.clocks {
+            clock.end(&mut copy, "copy");
+        }
+        let copied = self.order.submit(copy)?;
+        self.order.wait(copied)?;
+        let copy_wall_ms = ms(copying);
+
+        let tracing = Instant::now();
+        // Takes the copy over to the compute queue.
+        let taken = self.order.begin_build("camera section", &[copied])?;
+        self.order.submit(taken)?;
+        let traced = self.trace(view, world, false)?;
+        self.order.wait(traced)?;
+        let trace_wall_ms = ms(tracing);
+        let total_ms = ms(begin);
+        let (mut copy_ms, mut trace_ms) = (copy_wall_ms, trace_wall_ms);
+        if let Some([copy, trace]) = &mut self.clocks {
+            copy_ms = copy.resolve(&mut self.order, copied)?[0].1 / 1e6;
+            trace_ms = trace.resolve(&mut self.order, traced)?[0].1 / 1e6;
+        }
+        self.order.collect()?;
+        let copy_bytes = self.config.bytes();
+        Ok(Times { prepare_ms, copy_ms, copy_bytes, trace_ms, trace_wall_ms, total_ms })
+    }
+
+    fn trace(&mut self, view: &View, world: &World, read: bool) -> Result<crate::gpu::SyncPoint, FrameError> {
+        let rays = Rays::of(view, world.grid.cell())?;
+        let [low, high] = view.window.expect("a camera section");
+        let constants = FrameConstants::new(view, &rays, &world.grid, world.anchor).over(
+            [&self.heights, &self.hits, &self.image, &self.colors],
+            self.config.side().ilog2(),
+            self.config.levels as i32 - 1,
+            [low, high],
+        );
+        let (mut commands, _) = self.order.begin_frame("thesis frame")?;
+        self.constants.write(0, bytemuck::bytes_of(&constants));
+        for buffer in [&self.heights, &self.colors, &self.constants, &self.hits, &self.image] {
+            commands.keep(buffer.clone());
+        }
+        let mut clock = self.clocks.as_mut().map(|[_, clock]| clock).filter(|_| !read);
+        if let Some(clock) = clock.as_mut() {
+            clock.begin(&mut commands);
+        }
+        commands.bind(&self.trace);
+        commands.push(bytemuck::bytes_of(&Push::whole(&self.constants, self.size)));
+        commands.dispatch([self.size[0].div_ceil(self.group[0]), self.size[1].div_ceil(self.group[1]), 1]);
+        if let Some(clock) = clock {
+            clock.end(&mut commands, "trace");
+        }
+        if read {
+            let all = BufferCopy { from: 0, to: 0, size: self.hits.size() };
+            let copies = [(&self.hits, &self.hits_back, all), (&self.image, &self.image_back, all)];
+            self.order.readback(&mut commands, &copies);
+        }
+        Ok(self.order.submit(commands)?)
+    }
+
+    /// The picture of the camera section that the last frame copied.
+    pub fn picture(&mut self, view: &View, world: &World) -> Result<Picture, FrameError> {
+        let point = self.trace(view, world, true)?;
+        let pixels = self.size[0] as usize * self.size[1] as usize;
+        let mut picture = Picture { hits: vec![[0; 4]; pixels], colors: vec![[0.0; 4]; pixels] };
+        self.order.read(point, &self.hits_back, 0, bytemuck::cast_slice_mut(&mut picture.hits))?;
+        self.order.read(point, &self.image_back, 0, bytemuck::cast_slice_mut(&mut picture.colors))?;
+        Ok(picture)
+    }
+}

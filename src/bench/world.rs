@@ -1,0 +1,126 @@
+//! What both pipelines draw: sections in host memory, repeated without end, so that no path runs out of land.
+
+use crate::attribute::{ColorTable, Record};
+use crate::coords::{Grid, Height, SECTION_SIDE, SectionKey};
+use crate::load::Loaded;
+use crate::render::camera::Bounds;
+use crate::section::{BLOCK_COLUMNS, BLOCK_LOG2, Columns, Packed};
+use crate::source::FLAG_WITHHELD;
+use crate::stream::scene::Visibility;
+use std::collections::HashMap;
+
+/// Binned columns on a torus: the section at (i, j) is the one at (i mod width, j mod depth).
+pub struct World {
+    /// The grid.
+    pub grid: Grid,
+    /// What is seen of it.
+    pub visibility: Visibility,
+    /// How hits are coloured.
+    pub colors: ColorTable,
+    /// Lattice height from which heights count on the device.
+    pub anchor: Height,
+    /// Where the data really is.
+    pub bounds: Bounds,
+    /// South-western section, and how many there are each way.
+    origin: [i32; 2],
+    period: [i32; 2],
+    sections: HashMap<[i32; 2], Columns>,
+    /// Of every column, row by row from the south-west: top in lattice steps from the anchor (negative infinity:
+    /// nothing there), and colour as RGBA8.
+    tops: Vec<f32>,
+    map: Vec<u32>,
+}
+
+/// sRGB bytes of a record, red lowest.
+fn rgba(record: &Record, colors: &ColorTable) -> u32 {
+    let [r, g, b] = colors.color(*record).map(|v| (v * 255.0).round() as u8);
+    u32::from_le_bytes([r, g, b, 255])
+}
+
+/// The visible top of every column of a packed section: column (y << 8 | x), record.
+fn tops(packed: &Packed, visibility: &Visibility, mut each: impl FnMut(usize, Record)) {
+    let (words, layout) = (&packed.words, &packed.layout);
+    let blocks_side = (SECTION_SIDE >> BLOCK_LOG2) as usize;
+    let counts: &[u8] = bytemuck::cast_slice(&words[layout.counts as usize..layout.heights as usize]);
+    let mut run = 0;
+    for (at, &count) in counts.iter().enumerate() {
+        let (block, inner) = (at / BLOCK_COLUMNS, at % BLOCK_COLUMNS);
+        let x = block % blocks_side * 8 + inner % 8;
+        let y = block / blocks_side * 8 + inner / 8;
+        let runs = run..run + u32::from(count);
+        run = runs.end;
+        for r in runs {
+            let code = if layout.code.wide {
+                words[(layout.heights + r) as usize]
+            } else {
+                words[(layout.heights + r / 2) as usize] >> (16 * (r % 2)) & 0xFFFF
+            };
+            let a = (layout.attributes + 2 * r) as usize;
+            let record = Record::of(layout.code.decode(code), [words[a], words[a + 1]]);
+            if visibility.shows(record.class(), record.flags() & FLAG_WITHHELD != 0) {
+                each(y << 8 | x, record);
+                break;
+            }
+        }
+    }
+}
+
+impl World {
+    /// From what was loaded, with `colors` and under `visibility`. Strays beyond the bounds are left out.
+    pub fn new(loaded: Loaded, visibility: Visibility, colors: ColorTable) -> World {
+        let Loaded { grid, sections, bounds, .. } = loaded;
+        let anchor = Height::from_units(bounds.center().z).expect("bounds of points that have heights");
+        let side = f64::from(SECTION_SIDE) * grid.cell();
+        let index = |v: f64, axis: usize| {
+            ((v / side).floor() - grid.anchor[axis] as f64 / f64::from(SECTION_SIDE)) as i32
+        };
+        let low = [index(bounds.min.x, 0), index(bounds.min.y, 1)];
+        let high = [index(bounds.max.x.next_down(), 0), index(bounds.max.y.next_down(), 1)];
+        let sections: HashMap<_, _> = sections
+            .into_iter()
+            .map(|(key, columns)| ([key.i, key.j], columns))
+            .filter(|([i, j], _)| (low[0]..=high[0]).contains(i) && (low[1]..=high[1]).contains(j))
+            .collect();
+        let period = [0, 1].map(|a| (high[a] - low[a] + 1).max(1));
+        let [width, depth] = period.map(|n| n as usize * SECTION_SIDE as usize);
+        let (mut top_of, mut map) = (vec![f32::NEG_INFINITY; width * depth], vec![0; width * depth]);
+        for ([i, j], columns) in &sections {
+            let [x0, y0] = [i - low[0], j - low[1]].map(|n| n as usize * SECTION_SIDE as usize);
+            tops(&columns.pack(), &visibility, |column, record| {
+                let at = (y0 + (column >> 8)) * width + x0 + (column & 0xFF);
+                let height = record.height().expect("not empty");
+                // Within 2²⁴ steps of the anchor, exact.
+                top_of[at] = (height.0 - anchor.0) as f32;
+                map[at] = rgba(&record, &colors);
+            });
+        }
+        World { grid, visibility, colors, anchor, bounds, origin: low, period, sections, tops: top_of, map }
+    }
+
+    /// The columns of a section of level 0, wherever it lies; `None` where there is no point.
+    pub fn columns(&self, key: SectionKey) -> Option<&Columns> {
+        let at = [key.i, key.j];
+        let at = [0, 1].map(|a| self.origin[a] + (at[a] - self.origin[a]).rem_euclid(self.period[a]));
+        self.sections.get(&at)
+    }
+
+    /// Tops and colours of the cells (x.., y) in cells from the grid's anchor, as many as `heights` has.
+    pub fn row(&self, [x, y]: [i32; 2], heights: &mut [f32], colors: &mut [u32]) {
+        let side = SECTION_SIDE as i32;
+        let [width, depth] = self.period.map(|n| (n * side) as usize);
+        let row = (y - self.origin[1] * side).rem_euclid(depth as i32) as usize * width;
+        let mut from = (x - self.origin[0] * side).rem_euclid(width as i32) as usize;
+        let mut done = 0;
+        while done < heights.len() {
+            let n = (width - from).min(heights.len() - done);
+            heights[done..done + n].copy_from_slice(&self.tops[row + from..][..n]);
+            colors[done..done + n].copy_from_slice(&self.map[row + from..][..n]);
+            (done, from) = (done + n, 0);
+        }
+    }
+
+    /// Cells that repeat, each way.
+    pub fn cells(&self) -> [u32; 2] {
+        self.period.map(|n| n as u32 * SECTION_SIDE)
+    }
+}
