@@ -144,12 +144,12 @@ fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
-fn bar(total: u64, quiet: bool) -> ProgressBar {
+/// A progress bar where someone is looking. `template` is a constant.
+pub fn bar(total: u64, quiet: bool, template: &str) -> ProgressBar {
     let bar = ProgressBar::new(total);
     if quiet || !std::io::stderr().is_terminal() {
         bar.set_draw_target(ProgressDrawTarget::hidden());
     }
-    let template = "reading {wide_bar} {human_pos}/{human_len} points {eta}";
     bar.set_style(ProgressStyle::with_template(template).expect("a constant template"));
     bar
 }
@@ -369,7 +369,7 @@ fn finish(
 
 /// Runs `work` while a progress bar follows `progress`.
 fn watched<T: Send>(total: u64, quiet: bool, progress: &Progress, work: impl FnOnce() -> T + Send) -> T {
-    let bar = bar(total, quiet);
+    let bar = bar(total, quiet, "reading {wide_bar} {human_pos}/{human_len} points {eta}");
     let result = std::thread::scope(|scope| {
         let worker = scope.spawn(work);
         while !worker.is_finished() {

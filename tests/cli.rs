@@ -558,6 +558,114 @@ fn wrong_arguments() {
     try_all(cases);
 }
 
+/// A path of three frames and some that are none, with `more`.
+fn path_case(code: i32, says: &[&'static str], more: &'static [&'static str]) -> Case {
+    Case::new(more.join(" "), code, says, move |folder| {
+        fs::write(folder.join("good.las"), las(300)).unwrap();
+        let keyframe = |time: f64, e: f64| {
+            format!(r#"{{"time": {time}, "eye": [{e}, -300, 500], "target": [0, 0, 0]}}"#)
+        };
+        let path = |keyframes: &[String]| {
+            format!("{{\"version\": 1, \"fps\": 3,\n\"keyframes\": [{}]}}", keyframes.join(","))
+        };
+        fs::write(folder.join("three.json"), path(&[keyframe(0.0, 0.0), keyframe(1.0, 9.0)])).unwrap();
+        fs::write(folder.join("view.json"), path(&[keyframe(0.0, 0.0)])).unwrap();
+        fs::write(folder.join("back.json"), path(&[keyframe(1.0, 0.0), keyframe(0.0, 9.0)])).unwrap();
+        fs::write(folder.join("typo.json"), path(&[keyframe(0.0, 0.0).replace("eye", "eve")])).unwrap();
+        let keyframe = |time| format!(r#"{{"time": {time}, "eye": [0, {time}, 0], "target": [0, 3, 0]}}"#);
+        fs::write(folder.join("through.json"), path(&[keyframe(0), keyframe(9)])).unwrap();
+        Some(words(["good.las"].iter().chain(more).copied()))
+    })
+}
+
+#[test]
+fn paths() {
+    try_all(vec![
+        path_case(
+            0,
+            &["3 pictures of 64x36 pixels, 300 points"],
+            &["--path", "three.json", "-o", "out/%03d.png"],
+        )
+        .leaving(&["000.png", "001.png", "002.png"]),
+        path_case(0, &["2 pictures"], &["--path", "three.json", "--frames", "2", "-o", "out/a%d.exr"])
+            .leaving(&["a0.exr", "a1.exr"]),
+        path_case(0, &["1 picture of"], &["--path", "view.json", "-o", "out/a.png"]),
+        path_case(0, &["1 picture of"], &["--path", "three.json", "--frames", "1", "-o", "out/a.png"]),
+        path_case(
+            2,
+            &["3 pictures need a number in the output's name"],
+            &["--path", "three.json", "-o", "out/a.png"],
+        ),
+        path_case(2, &["'%s' in the output's name"], &["--path", "three.json", "-o", "out/%s.png"]),
+        path_case(2, &["two numbers, %d and %04d"], &["--path", "three.json", "-o", "out/%d%04d.png"]),
+        path_case(
+            2,
+            &["--frames 4: three.json has 3"],
+            &["--path", "three.json", "--frames", "4", "-o", "out/%d.png"],
+        ),
+        path_case(2, &["0 is not in 1.."], &["--path", "three.json", "--frames", "0", "-o", "out/%d.png"]),
+        path_case(2, &["--path <FILE>"], &["--frames", "2", "-o", "out/%d.png"]),
+        path_case(2, &["cannot be used with"], &["--path", "view.json", "--orbit", "0,9", "-o", "out/a.png"]),
+        path_case(2, &["cannot be used with"], &["--path", "view.json", "--each", "-o", "out/{stem}.png"]),
+        path_case(2, &["cannot be used with"], &["--path", "view.json", "--fov", "30", "-o", "out/a.png"]),
+        path_case(2, &["gone.json: cannot be read"], &["--path", "gone.json", "-o", "out/a.png"]),
+        path_case(
+            2,
+            &["typo.json: line 2, column 31: unknown field `eve`"],
+            &["--path", "typo.json", "-o", "out/a.png"],
+        ),
+        path_case(
+            2,
+            &["back.json: keyframe 2: time 0 is not after 1"],
+            &["--path", "back.json", "-o", "out/a.png"],
+        ),
+        path_case(
+            2,
+            &["camera path: frame 9: eye and target are both at 0,3,0"],
+            &["--path", "through.json", "-o", "out/%d.png"],
+        ),
+        path_case(
+            1,
+            &["gone/%d.png: cannot be written: the folder gone does not exist"],
+            &["--path", "three.json", "-o", "gone/%d.png"],
+        ),
+    ]);
+}
+
+/// Ctrl-C between two pictures: what is there is whole, the rest is not begun.
+#[cfg(unix)]
+#[test]
+fn a_path_can_be_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("good.las"), las(300)).unwrap();
+    let path = r#"{"version": 1, "keyframes": [{"time": 0, "eye": [0, -300, 500], "target": [0, 0, 0]},
+        {"time": 60, "eye": [90, -300, 500], "target": [0, 0, 0]}]}"#;
+    fs::write(folder.path().join("long.json"), path).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_lasray"))
+        .args(words("render good.las --path long.json -o %d.png --size 64x36".split(' ')))
+        .current_dir(folder.path())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let start = Instant::now();
+    while !folder.path().join("2.png").exists() {
+        assert!(start.elapsed() < TIME && child.try_wait().unwrap().is_none());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    let said = read_aside(child.stderr.take().unwrap());
+    let status = child.wait().unwrap();
+    let said = said.join().unwrap();
+    assert_eq!(status.code(), Some(1), "{said}");
+    let pictures = fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().path()).filter(|p| {
+        assert_ne!(p.extension(), Some(OsStr::new("part")), "nothing is left half-written");
+        p.extension() == Some(OsStr::new("png"))
+    });
+    let pictures: Vec<_> = pictures.collect();
+    assert!(said.contains(&format!("stopped after {} of 3600 pictures", pictures.len())), "{said}");
+    assert!(pictures.iter().all(|p| pixels(p).len() == 64 * 36 * 3));
+}
+
 #[test]
 fn inputs_and_outputs() {
     let two = |folder: &Path| {

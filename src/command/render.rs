@@ -1,5 +1,7 @@
 //! `lasray render`: pictures without a window.
 
+mod frames;
+
 use super::{Outcome, UsageError};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
 use crate::coords::{Height, tidy};
@@ -9,6 +11,7 @@ use crate::problems::Problems;
 use crate::render::camera::{Bounds, Camera, DEFAULT_FOV, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, View, check_size};
 use crate::render::image::{Format, Image, WorldFile, write_prj_beside};
+use crate::render::path::CameraPath;
 use crate::section::{Columns, Packed};
 use crate::source::crs::Unit;
 use crate::source::inputs;
@@ -17,10 +20,12 @@ use crate::stream::bins::Budget;
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use anyhow::Context;
+use frames::Pattern;
 use glam::DVec3;
 use std::collections::HashSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Arguments of `lasray render`.
 #[derive(Clone, Debug, clap::Args)]
@@ -29,7 +34,8 @@ pub struct Args {
     /// Files, folders, @lists and patterns
     #[arg(required_unless_present = "demo", value_name = "INPUT")]
     inputs: Vec<OsString>,
-    /// Picture to write: .png or .exr; with --each, {stem} stands for the input's name
+    /// Picture to write: .png or .exr; with --each, {stem} stands for the input's name; with --path, %d or
+    /// %04d for the number of the picture, from 0
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Draw the embedded synthetic town
@@ -78,6 +84,12 @@ pub struct Args {
     /// world file
     #[arg(long, value_parser = positive, conflicts_with = "fov", help_heading = "Camera", value_name = "UNITS")]
     ortho: Option<f64>,
+    /// Camera path to draw, a picture a frame: see docs/camera-paths.md
+    #[arg(long, conflicts_with_all = ["eye", "target", "orbit", "fov", "ortho", "each"], help_heading = "Camera", value_name = "FILE")]
+    path: Option<PathBuf>,
+    /// Pictures to draw, spread evenly over the path [default: all of its frames]
+    #[arg(long, requires = "path", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Camera", value_name = "N")]
+    frames: Option<u32>,
     /// Vertical exaggeration
     #[arg(long, default_value_t = 1.0, value_parser = positive, help_heading = "Camera")]
     z_scale: f64,
@@ -272,6 +284,7 @@ fn device_budget(gpu: &Gpu, args: &Args) -> u64 {
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let mut problems = Problems::default();
     check_output(&args.output, args.each)?;
+    let film = args.path.as_deref().map(|path| Film::new(path, &args)).transpose()?;
     if let (Some(eye), Some(target)) = (args.eye, args.target) {
         Camera::look_at(eye, target, Projection::default()).map_err(|e| UsageError(e.to_string()))?;
     }
@@ -306,7 +319,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
             load::files(&args.inputs, &options, &mut problems)
         };
         finish(&mut problems, &args);
-        picture(&gpu, loaded.map_err(usage_of_load)?, &args, &args.output)?;
+        draw(&gpu, loaded.map_err(usage_of_load)?, &args, &args.output, film.as_ref())?;
     }
     anyhow::ensure!(gpu.messages().is_empty() || !args.validate, "the validation layers reported errors");
     Ok(if args.strict && problems.failed { Outcome::Incomplete } else { Outcome::Done })
@@ -327,7 +340,7 @@ fn each(gpu: &Gpu, args: &Args, options: &LoadOptions, problems: &mut Problems) 
         }
         let said = problems.said();
         let loaded = load::paths(std::slice::from_ref(path), options, problems).map_err(usage_of_load);
-        match loaded.and_then(|loaded| picture(gpu, loaded, args, &output)) {
+        match loaded.and_then(|loaded| draw(gpu, loaded, args, &output, None)) {
             Ok(()) => drawn = true,
             // Why nothing is left has been said.
             Err(error) if error.is::<LoadError>() && problems.said() > said => problems.failed = true,
@@ -453,8 +466,51 @@ pub fn upload(
     Ok(present)
 }
 
-fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Result<()> {
+/// The frames of a path that are to be drawn, and where they go.
+struct Film {
+    path: CameraPath,
+    frames: Vec<u32>,
+    pattern: Pattern,
+}
+
+impl Film {
+    fn new(file: &Path, args: &Args) -> Result<Film, UsageError> {
+        let usage = |e: &dyn std::fmt::Display| UsageError(e.to_string());
+        let path = CameraPath::read(file).map_err(|e| usage(&e))?;
+        let (all, count) = (path.frames(), args.frames.unwrap_or(path.frames()));
+        if count > all {
+            return Err(usage(&format!("--frames {count}: {} has {all}", file.display())));
+        }
+        let pattern = Pattern::new(&args.output, count).map_err(|e| usage(&e))?;
+        Ok(Film { frames: path.spread(count).collect(), path, pattern })
+    }
+
+    /// One a picture. `place`: from the coordinates of the file to the world's.
+    fn cameras(&self, place: impl Fn(DVec3) -> DVec3) -> Result<Vec<Camera>, UsageError> {
+        let path = self.path.placed(place).map_err(|e| UsageError(format!("camera path: {e}")))?;
+        let camera = |&frame: &u32| {
+            path.camera(frame).map_err(|e| UsageError(format!("camera path: frame {frame}: {e}")))
+        };
+        self.frames.iter().map(camera).collect()
+    }
+}
+
+/// Draws the picture that the arguments ask for, or all of `film`.
+fn draw(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path, film: Option<&Film>) -> anyhow::Result<()> {
     let Loaded { grid, sections, bounds, summary, color, crs, unit, placement, points } = loaded;
+    let pivot = bounds.min.z;
+    let shown = bounds.exaggerated(args.z_scale, pivot);
+    let place = |v: DVec3| placement.place(v.x, v.y, v.z);
+    // A slab under the data; low stray points do not make it deeper.
+    let low = bounds.min.z.max(summary.height.p2 - (summary.height.p98 - summary.height.p2));
+    let floor = low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * grid.cell();
+    let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
+    let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
+    let (cameras, size) = match film {
+        Some(film) => (film.cameras(place)?, args.size.unwrap_or([1280, 720])),
+        None => camera(args, &framed, place).map(|(camera, size)| (vec![camera], size))?,
+    };
+
     let count = sections.len();
     let pool_bytes = device_budget(gpu, args);
     let mut scene =
@@ -476,19 +532,11 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
         eprintln!("note: {constant}, drawn grey");
     }
 
-    let pivot = bounds.min.z;
-    let shown = bounds.exaggerated(args.z_scale, pivot);
-    let place = |v: DVec3| placement.place(v.x, v.y, v.z);
     let exr = Format::of(output)? == Format::Exr;
     let exact = exr || args.shade == Shade::None;
-    // A slab under the data; low stray points do not make it deeper.
-    let low = bounds.min.z.max(summary.height.p2 - (summary.height.p98 - summary.height.p2));
-    let floor = low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * grid.cell();
-    let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
-    let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
-    let (camera, size) = camera(args, &framed, place)?;
+    let parallel = matches!(cameras[0].projection(), Projection::Orthographic { .. });
     let view = View {
-        camera: &camera,
+        camera: &cameras[0],
         size,
         samples: if exr { 1 } else { args.samples.unwrap_or(if exact { 1 } else { 4 }) },
         z_scale: args.z_scale,
@@ -497,21 +545,25 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
         floor,
         colors: &colors,
         shade: args.shade,
-        background: args.background.unwrap_or(match args.ortho {
-            Some(_) => Background::White,
-            None => Background::Sky,
-        }),
+        background: args.background.unwrap_or(if parallel { Background::White } else { Background::Sky }),
         traversal: if args.plain { Traversal::Plain } else { Traversal::Fast },
         window: None,
     };
     let anchor = Height::from_units(bounds.center().z).context("heights are beyond what can be drawn")?;
     let mut renderer = Renderer::new(&scene, grid, anchor)?;
-    let image = renderer.draw(&mut scene, &view).map_err(|error| match error {
-        FrameError::Size { .. } | FrameError::Camera(_) => UsageError(error.to_string()).into(),
-        error => anyhow::Error::from(error),
-    })?;
-    write(&image, &view, output)?;
-    if let Some(world) = args.ortho.and_then(|_| WorldFile::of(&camera.basis(size).ok()?)) {
+    let mut picture = |camera: &Camera, output: &Path| -> anyhow::Result<()> {
+        let view = View { camera, ..view.clone() };
+        let image = renderer.draw(&mut scene, &view).map_err(|error| match error {
+            FrameError::Size { .. } | FrameError::Camera(_) => UsageError(error.to_string()).into(),
+            error => anyhow::Error::from(error),
+        })?;
+        write(&image, &view, output)
+    };
+    match film {
+        Some(film) => draw_film(film, &cameras, args.quiet, picture)?,
+        None => picture(&cameras[0], output)?,
+    }
+    if let Some(world) = args.ortho.and_then(|_| WorldFile::of(&cameras[0].basis(size).ok()?)) {
         world.write_beside(output)?;
         if let Some(wkt) = crs.as_ref().and_then(crate::source::crs::Crs::prj) {
             write_prj_beside(output, &wkt)?;
@@ -522,8 +574,9 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
         let unit = unit.as_ref().map_or(if cell == "1" { "unit" } else { "units" }, |u| u.symbol());
         let plural = |n: u64, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
         let legend = colors.range.map_or(String::new(), |(lo, hi)| format!(" from {lo:.1} to {hi:.1}"));
+        let pictures = film.map_or(String::new(), |f| plural(f.frames.len() as u64, "picture") + " of ");
         eprintln!(
-            "{}: {}x{} pixels, {} in {}, cells of {cell} {unit}, coloured by {}{legend}",
+            "{}: {pictures}{}x{} pixels, {} in {}, cells of {cell} {unit}, coloured by {}{legend}",
             output.display(),
             size[0],
             size[1],
@@ -532,6 +585,34 @@ fn picture(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path) -> anyhow::Res
             mode.name()
         );
     }
+    Ok(())
+}
+
+/// Draws one picture after the other. Ctrl-C ends it between two of them, a second one at once.
+fn draw_film(
+    film: &Film,
+    cameras: &[Camera],
+    quiet: bool,
+    mut picture: impl FnMut(&Camera, &Path) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    let stop = || {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(stop).context("cannot listen for Ctrl-C")?;
+    let bar =
+        load::bar(cameras.len() as u64, quiet, "drawing {wide_bar} {human_pos}/{human_len} pictures {eta}");
+    for (number, camera) in (0..).zip(cameras) {
+        if STOP.load(Ordering::Relaxed) {
+            bar.finish_and_clear();
+            anyhow::bail!("stopped after {number} of {} pictures", cameras.len());
+        }
+        picture(camera, &film.pattern.file(number))?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
     Ok(())
 }
 

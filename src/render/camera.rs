@@ -132,7 +132,7 @@ impl Default for Projection {
 }
 
 impl Projection {
-    fn check(self) -> Result<Projection, CameraError> {
+    pub(super) fn check(self) -> Result<Projection, CameraError> {
         match self {
             Projection::Perspective { fov } if !(fov > 0.0 && fov < 180.0) => Err(CameraError::Fov(fov)),
             Projection::Orthographic { units_per_pixel } => {
@@ -228,6 +228,14 @@ impl Camera {
             return Err(CameraError::EyeIsTarget(eye));
         }
         Ok(Camera { eye, target, axes, projection: projection.check()? })
+    }
+
+    /// Looks from `eye` in the direction of `angles` (as in [`Camera::orbit`]); the target is one unit ahead.
+    pub fn looking(eye: DVec3, angles: [f64; 2], projection: Projection) -> Result<Camera, CameraError> {
+        finite3(["eye E", "eye N", "eye U"], eye)?;
+        let (eye, axes) = (on_lattice(eye), Axes::from_angles(angles)?);
+        finite3(["eye E", "eye N", "eye U"], eye)?;
+        Ok(Camera { eye, target: eye + axes.forward, axes, projection: projection.check()? })
     }
 
     /// Looks in the direction of `angles` (as in [`Camera::orbit`]) from where the whole box just fits

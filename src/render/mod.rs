@@ -1,7 +1,8 @@
-//! Camera, passes of a frame, the image, and a CPU reference that checks it.
+//! Camera and its paths, passes of a frame, the image, and a CPU reference that checks it.
 
 pub mod camera;
 pub mod frame;
 pub mod image;
+pub mod path;
 pub mod reference;
 pub mod whole_file;
