@@ -11,6 +11,7 @@ struct Frame {
     uvec2 ramp;       // place of 256 colours, sRGB
     uint table_mask;  // slots of the table - 1
     int top_level;    // log2 cells of the side of the table's coarsest nodes
+    int section_level; // and of its largest sections
     ivec2 low, high;  // what they cover, cells; high is exclusive
     uint width, height;
     ivec3 origin_int; // origin at the image's centre: cells east, cells north, lattice steps up
@@ -37,44 +38,39 @@ struct Frame {
 
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).
 struct Node {
-    ivec2 index;  // node index at its level
-    uint meta;    // level | USED | SECTION | wide << 10 | detail level << 16
+    uvec2 key;    // level << 26 | index east (26 bits), index north; NO_KEY: unused
     float top;    // highest thing below, lattice steps from the anchor, rounded up
+    uint meta;    // level | SECTION | wide << 10 | detail level << 16
     uvec2 place;  // of the section's payload
     int base;     // lattice height of code 0, from the anchor
     uint pyramid; // word of the payload at which its pyramid starts
 };
-const uint NODE_USED = 0x100u;
+const uint NO_KEY = 0xFFFFFFFFu;
 const uint NODE_SECTION = 0x200u;
 const uint NODE_WIDE = 0x400u;
 
 #ifdef POOL_SSBO
 layout(set = 0, binding = 1, scalar) readonly buffer Table { Node nodes[]; };
-layout(set = 0, binding = 2, scalar) readonly buffer FrameBlock { Frame frame; };
+layout(set = 0, binding = 2, scalar) uniform FrameBlock { Frame frame; };
 layout(set = 0, binding = 3, scalar) buffer Hits { uvec4 hits[]; };
 layout(set = 0, binding = 4, scalar) buffer Colors { vec4 colors[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer Ramp { vec4 ramp[]; };
-#define FRAME frame
 #define NODE nodes
 #define HIT hits
 #define COLOR colors
 #define RAMP ramp
-layout(push_constant, scalar) uniform Push {
-    uvec2 frame;
 #else
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Table { Node nodes[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer FrameBlock { Frame frame; };
+layout(set = 0, binding = 0, scalar) uniform FrameBlock { Frame frame; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Hits { uvec4 hits[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Colors { vec4 colors[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ramp { vec4 ramp[]; };
-#define FRAME FrameBlock(push.frame).frame
-#define NODE Table(FRAME.table).nodes
-#define HIT Hits(FRAME.hits).hits
-#define COLOR Colors(FRAME.colors).colors
-#define RAMP Ramp(FRAME.ramp).ramp
-layout(push_constant, scalar) uniform Push {
-    uvec2 frame;
+#define NODE Table(frame.table).nodes
+#define HIT Hits(frame.hits).hits
+#define COLOR Colors(frame.colors).colors
+#define RAMP Ramp(frame.ramp).ramp
 #endif
+layout(push_constant, scalar) uniform Push {
     ivec2 sample_at; // of this pass's sample in the pixel, sixteenths from its top left corner
     uint sample_index;
     float sample_weight; // 1 / samples
@@ -90,13 +86,17 @@ const uint NO_NODE = 0xFFFFFFFFu;
 uint find_node(uint level, ivec2 index) {
     uint h = uint(index.x) * 0x9E3779B1u ^ uint(index.y) * 0x85EBCA77u ^ level * 0xC2B2AE3Du;
     h = (h ^ h >> 15u) * 0x2C1B3C6Du;
-    uint mask = FRAME.table_mask;
+    uint mask = frame.table_mask;
+    uvec2 key = uvec2(level << 26u | uint(index.x) & 0x3FFFFFFu, uint(index.y));
     for (uint slot = (h ^ h >> 13u) & mask;; slot = (slot + 1u) & mask) {
-        uint meta = NODE[slot].meta;
-        if ((meta & NODE_USED) == 0u) return NO_NODE;
-        if ((meta & 0xFFu) == level && NODE[slot].index == index) return slot;
+        uvec2 there = NODE[slot].key;
+        if (there == key) return slot;
+        if (there.x == NO_KEY) return NO_NODE;
     }
 }
+
+// Index of the node in `slot`.
+ivec2 index_of(uint slot) { return ivec2(int(NODE[slot].key.x << 6u) >> 6, int(NODE[slot].key.y)); }
 
 // A hit record: x is t (world units from the ray's origin, as float bits), y the table slot or NO_NODE for a
 // miss, z the column (y << 8 | x) and the face << 16, w the column's top (lattice steps from the anchor, int bits).
@@ -133,26 +133,26 @@ void add(inout int integer, inout uint fraction, int other_int, uint other_fract
 Ray ray_at(uvec2 at) {
     Ray ray;
     // From the centre: what is symmetrical stays so, and a ray straight ahead is the camera's very own.
-    ivec2 from_centre = ivec2(at) - 8 * ivec2(FRAME.width, FRAME.height);
+    ivec2 from_centre = ivec2(at) - 8 * ivec2(frame.width, frame.height);
     for (int axis = 0; axis < 3; axis++) {
-        int integer = FRAME.origin_int[axis];
-        uint fraction = FRAME.origin_fraction[axis];
+        int integer = frame.origin_int[axis];
+        uint fraction = frame.origin_fraction[axis];
         int part_int;
         uint part_fraction;
-        scaled(FRAME.right_int[axis], FRAME.right_fraction[axis], from_centre.x, part_int, part_fraction);
+        scaled(frame.right_int[axis], frame.right_fraction[axis], from_centre.x, part_int, part_fraction);
         add(integer, fraction, part_int, part_fraction);
-        scaled(FRAME.down_int[axis], FRAME.down_fraction[axis], from_centre.y, part_int, part_fraction);
+        scaled(frame.down_int[axis], frame.down_fraction[axis], from_centre.y, part_int, part_fraction);
         add(integer, fraction, part_int, part_fraction);
         // To 24 bits, which a float holds; to even, so that what is symmetrical stays so.
         add(integer, fraction, 0, 127u + (fraction >> 8u & 1u));
         ray.cell[axis] = integer;
         ray.fraction[axis] = float(fraction >> 8u) * 5.9604644775390625e-8;
     }
-    vec3 direction = FRAME.forward + float(from_centre.x) * FRAME.right + float(from_centre.y) * FRAME.down;
+    vec3 direction = frame.forward + float(from_centre.x) * frame.right + float(from_centre.y) * frame.down;
     float unit = length(direction);
     ray.world = direction / unit;
-    ray.step = ray.world * FRAME.to_local;
-    ray.start = -FRAME.depth * unit;
+    ray.step = ray.world * frame.to_local;
+    ray.start = -frame.depth * unit;
     return ray;
 }
 

@@ -41,6 +41,6 @@ uvec4 plain_hit(float t, PlainNode node, ivec2 cell, uint face) {
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
-    if (pixel.x >= FRAME.width || pixel.y >= push.rows) return;
-    HIT[pixel.y * FRAME.width + pixel.x] = trace(ray_at(sample_of(pixel)));
+    if (pixel.x >= frame.width || pixel.y >= push.rows) return;
+    HIT[pixel.y * frame.width + pixel.x] = trace(ray_at(sample_of(pixel)));
 }

@@ -12,8 +12,8 @@ uvec4 trace(Ray ray) {
     vec2 inverse = mix(1.0 / direction, vec2(1e30), lessThan(direction, vec2(1e-20)));
     ivec2 cell = ray.cell.xy ^ -mirror;
     vec2 fraction = mix(ray.fraction.xy, 1.0 - ray.fraction.xy, equal(mirror, ivec2(1)));
-    ivec2 low = mix(FRAME.low, -FRAME.high, equal(mirror, ivec2(1)));
-    ivec2 high = mix(FRAME.high, -FRAME.low, equal(mirror, ivec2(1)));
+    ivec2 low = mix(frame.low, -frame.high, equal(mirror, ivec2(1)));
+    ivec2 high = mix(frame.high, -frame.low, equal(mirror, ivec2(1)));
     uint face = FACE_INSIDE;
     float t = ray.start;
     float z0 = float(ray.cell.z) + ray.fraction.z;

@@ -96,29 +96,29 @@ vec3 sky(vec3 direction) {
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
-    if (pixel.x >= FRAME.width || pixel.y >= push.rows) return;
-    uint at = pixel.y * FRAME.width + pixel.x;
+    if (pixel.x >= frame.width || pixel.y >= push.rows) return;
+    uint at = pixel.y * frame.width + pixel.x;
     uvec4 hit = HIT[at];
     Ray ray = ray_at(sample_of(pixel));
 
     // Columns are solid without end: below the floor a lit picture shows what is behind their sides.
     float z = fma(uintBitsToFloat(hit.x), ray.step.z, float(ray.cell.z) + ray.fraction.z);
     if (hit.z >> 16u == FACE_TOP) z = float(int(hit.w));
-    else if (z < FRAME.floor) hit.y = NO_NODE;
+    else if (z < frame.floor) hit.y = NO_NODE;
 
     vec4 color = vec4(0.0);
     uint bits = 256u; // class 256: a miss
     if (hit.y == NO_NODE) {
-        if (FRAME.background == 1u) color = vec4(1.0);
-        if (FRAME.background == 2u) color = vec4(linear_of(sky(ray.world)), 1.0);
-        color.a = FRAME.background == 0u ? 0.0 : 1.0;
+        if (frame.background == 1u) color = vec4(1.0);
+        if (frame.background == 2u) color = vec4(linear_of(sky(ray.world)), 1.0);
+        color.a = frame.background == 0u ? 0.0 : 1.0;
     } else {
         uint meta = NODE[hit.y].meta;
         int detail = int(meta >> 16u & 0xFFu);
         uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
         uint face = hit.z >> 16u;
-        Here here = Here(NODE[hit.y].index, hit.y, meta & 0xFFu);
-        ivec2 column = NODE[hit.y].index * int(SECTION_SIDE) + ivec2(inner);
+        Here here = Here(index_of(hit.y), hit.y, meta & 0xFFu);
+        ivec2 column = index_of(hit.y) * int(SECTION_SIDE) + ivec2(inner);
 
         // The run on show; a bridged column shows the run of the column it was taken from.
         uvec2 place = NODE[hit.y].place;
@@ -141,14 +141,14 @@ void main() {
 
         float top = float(int(hit.w));
         vec3 albedo;
-        if (FRAME.color_source == 0u) {
+        if (frame.color_source == 0u) {
             albedo = bytes((first & 0xFFu) | (second >> 24u) << 8u | (second >> 16u & 0xFFu) << 16u);
         } else {
-            uint value = FRAME.color_source == 1u ? (hit.w + uint(FRAME.height_anchor)) ^ 0x80000000u
-                       : FRAME.color_source == 2u ? first >> 24u
-                       : FRAME.color_source == 3u ? first >> 8u & 0xFFFFu
+            uint value = frame.color_source == 1u ? (hit.w + uint(frame.height_anchor)) ^ 0x80000000u
+                       : frame.color_source == 2u ? first >> 24u
+                       : frame.color_source == 3u ? first >> 8u & 0xFFFFu
                                                   : second >> 8u & 0xFFu;
-            float at_entry = value > FRAME.range_low ? min(float(value - FRAME.range_low) * FRAME.range_scale, 255.0) : 0.0;
+            float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, 255.0) : 0.0;
             uint entry = uint(at_entry);
             albedo = mix(RAMP[entry].rgb, RAMP[min(entry + 1u, 255u)].rgb, at_entry - float(entry));
         }
@@ -156,8 +156,8 @@ void main() {
         color = vec4(albedo, 1.0);
         bits = first >> 24u | (bridge != 0u ? ORIGIN_BRIDGED : ORIGIN_MEASURED) << 9u | face << 12u;
 
-        if (FRAME.shade == 1u) {
-            float cell_steps = FRAME.cell_steps * float(1 << detail);
+        if (frame.shade == 1u) {
+            float cell_steps = frame.cell_steps * float(1 << detail);
             vec2 outward = vec2(0.0);
             vec3 normal;
             vec2 slope = slope_at(here, column, top, cell_steps);
@@ -171,13 +171,13 @@ void main() {
                 normal = normalize(mix(up, vec3(outward, 0.0), smoothstep(0.2, 1.5, drop + 0.6)));
             }
             float sky_seen = sky_at(here, column, z, outward, cell_steps);
-            float lit = max(dot(normal, FRAME.sun), 0.0);
+            float lit = max(dot(normal, frame.sun), 0.0);
             vec3 sunlight = vec3(1.0, 0.96, 0.88) * 1.05 * lit * mix(0.55, 1.0, sky_seen);
             vec3 skylight = vec3(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky_seen * sky_seen;
             float bounce = 0.10 * (1.0 - 0.6 * normal.z);
             vec3 light = sunlight + skylight * 0.62 + bounce;
             // Photographs hold light already.
-            if (FRAME.color_source == 0u) light = mix(vec3(1.2), light, 0.8);
+            if (frame.color_source == 0u) light = mix(vec3(1.2), light, 0.8);
             color.rgb = albedo * light;
         }
     }

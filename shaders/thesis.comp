@@ -24,7 +24,7 @@ struct PlainNode {
     bool there;
 };
 
-int plain_top_level() { return FRAME.top_level; }
+int plain_top_level() { return frame.top_level; }
 
 PlainNode plain_node(ivec2 cell, int level) {
     uint l = uint(level), n = side_log2;
@@ -45,14 +45,14 @@ vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055,
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
-    if (pixel.x >= FRAME.width || pixel.y >= push.rows) return;
-    heights = FRAME.table;
-    window_low = FRAME.low;
-    side_log2 = FRAME.table_mask;
+    if (pixel.x >= frame.width || pixel.y >= push.rows) return;
+    heights = frame.table;
+    window_low = frame.low;
+    side_log2 = frame.table_mask;
     uvec4 hit = trace(ray_at(sample_of(pixel)));
     vec4 color = vec4(0.0);
-    if (hit.y != NO_NODE) color = vec4(linear_of(unpackUnorm4x8(ColorMap(FRAME.ramp).rgba[hit.y]).rgb), 1.0);
-    uint at = pixel.y * FRAME.width + pixel.x;
+    if (hit.y != NO_NODE) color = vec4(linear_of(unpackUnorm4x8(ColorMap(frame.ramp).rgba[hit.y]).rgb), 1.0);
+    uint at = pixel.y * frame.width + pixel.x;
     COLOR[at] = color;
     HIT[at] = hit;
 }

@@ -28,6 +28,8 @@ pub enum Command {
     Render(Box<command::render::Args>),
     /// What is in the files, and how they would be drawn
     Info(command::info::Args),
+    /// Time copy, prepare and trace beside the pipeline of the thesis
+    Bench(Box<command::bench::Args>),
     /// Write the scan of a town that does not exist, with known geometry
     Synth(command::synth::Args),
 }

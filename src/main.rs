@@ -18,6 +18,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
     let result = match cli.command {
         Command::Render(args) => command::render::run(*args),
+        Command::Bench(args) => command::bench::run(*args),
         Command::Info(args) => command::info::run(args),
         Command::Synth(args) => command::synth::run(args).map(|()| Outcome::Done),
     };

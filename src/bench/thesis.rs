@@ -3,8 +3,10 @@
 //! and colours (§3.1.2), and traced by the plain traversal (§3.2.3) in upright strips (§3.3.2).
 
 use super::world::World;
+use super::{FrameTimes, ms};
 use crate::gpu::{
-    Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind, Timestamps, shaders,
+    BindingKind, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
+    Timestamps, shaders,
 };
 use crate::render::frame::{FrameConstants, FrameError, Push, Rays, View};
 use std::collections::VecDeque;
@@ -105,23 +107,6 @@ impl Section {
 /// idle beside them changes no time of a frame.
 const FILLED: usize = 6;
 
-/// One frame's times and bytes.
-#[derive(Clone, Copy, Debug)]
-pub struct Times {
-    /// Cutting the camera section out, ms.
-    pub prepare_ms: f64,
-    /// On the device, ms.
-    pub copy_ms: f64,
-    /// Copied.
-    pub copy_bytes: u64,
-    /// On the device, ms.
-    pub trace_ms: f64,
-    /// From submit to the host's seeing it done, ms.
-    pub trace_wall_ms: f64,
-    /// The whole frame on the host's clock, ms.
-    pub total_ms: f64,
-}
-
 /// The pipeline for one configuration.
 pub struct Thesis {
     config: Config,
@@ -166,10 +151,6 @@ fn cut<'a, T: Copy + 'a>(to: &mut [T], n: usize, low: [i32; 2], plane: impl Fn([
     }
 }
 
-fn ms(from: Instant) -> f64 {
-    from.elapsed().as_secs_f64() * 1e3
-}
-
 impl Thesis {
     /// For pictures of `size`; `group`: pixels a workgroup covers.
     pub fn new(gpu: &Gpu, config: Config, size: [u32; 2], group: [u32; 2]) -> Result<Thesis, GpuError> {
@@ -184,7 +165,14 @@ impl Thesis {
             config,
             order: Order::new(gpu, 1)?,
             sections: VecDeque::new(),
-            trace: ComputePipeline::new(gpu, "thesis", shaders::THESIS, &constants, push, 0)?,
+            trace: ComputePipeline::new(
+                gpu,
+                "thesis",
+                shaders::THESIS,
+                &constants,
+                push,
+                &[BindingKind::Uniform],
+            )?,
             group,
             staging: make("camera section, host", MemoryKind::Upload, config.bytes())?,
             heights: make("camera section, heights", MemoryKind::Device, height_bytes)?,
@@ -247,7 +235,7 @@ impl Thesis {
     }
 
     /// Draws a frame: the camera section at `window` is cut out, copied and traced, one after the other.
-    pub fn frame(&mut self, view: &View, world: &World) -> Result<Times, FrameError> {
+    pub fn frame(&mut self, view: &View, world: &World) -> Result<FrameTimes, FrameError> {
         let window = view.window.expect("a camera section");
         let begin = Instant::now();
         self.extract(window);
@@ -285,7 +273,15 @@ impl Thesis {
         }
         self.order.collect()?;
         let copy_bytes = self.config.bytes();
-        Ok(Times { prepare_ms, copy_ms, copy_bytes, trace_ms, trace_wall_ms, total_ms })
+        Ok(FrameTimes {
+            prepare_ms,
+            copy_ms,
+            copy_bytes,
+            trace_ms,
+            trace_wall_ms,
+            total_ms,
+            ..FrameTimes::default()
+        })
     }
 
     fn trace(&mut self, view: &View, world: &World, read: bool) -> Result<crate::gpu::SyncPoint, FrameError> {
@@ -307,7 +303,8 @@ impl Thesis {
             clock.begin(&mut commands);
         }
         commands.bind(&self.trace);
-        commands.push(bytemuck::bytes_of(&Push::whole(&self.constants, self.size)));
+        commands.push(bytemuck::bytes_of(&Push::whole(self.size)));
+        commands.bind_buffers(&self.trace.binding(&[&self.constants])?);
         commands.dispatch([self.size[0].div_ceil(self.group[0]), self.size[1].div_ceil(self.group[1]), 1]);
         if let Some(clock) = clock {
             clock.end(&mut commands, "trace");

@@ -119,6 +119,16 @@ impl World {
         }
     }
 
+    /// Usual height of what is seen, and the highest of it, CRS units.
+    pub fn relief(&self) -> [f64; 2] {
+        let step = (self.tops.len() / 100_000).max(1);
+        let mut some: Vec<_> = self.tops.iter().step_by(step).copied().filter(|t| t.is_finite()).collect();
+        some.sort_by(f32::total_cmp);
+        let highest = self.tops.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+        let units = |steps: f32| Height(steps as i32 + self.anchor.0).units();
+        [some.get(some.len() / 2).copied().unwrap_or(0.0), highest].map(units)
+    }
+
     /// Cells that repeat, each way.
     pub fn cells(&self) -> [u32; 2] {
         self.period.map(|n| n as u32 * SECTION_SIDE)

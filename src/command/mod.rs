@@ -1,5 +1,6 @@
 //! The commands: one file each, arguments and `run`.
 
+pub mod bench;
 pub mod info;
 pub mod render;
 pub mod synth;

@@ -20,7 +20,7 @@ pub use command::{BufferCopy, Commands};
 pub use device::{DeviceInfo, Gpu, GpuOptions, QueueKind, list_devices};
 pub use memory::{Buffer, MemoryKind};
 pub use order::{Edge, Event, Order};
-pub use pipeline::{Binding, ComputePipeline};
+pub use pipeline::{Binding, BindingKind, ComputePipeline};
 pub use ring::UploadRing;
 pub use timeline::SyncPoint;
 pub use timestamps::Timestamps;

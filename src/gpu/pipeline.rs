@@ -1,4 +1,4 @@
-//! Compute programs and their storage buffers.
+//! Compute programs and their buffers.
 
 use std::sync::Arc;
 
@@ -20,21 +20,39 @@ struct Program {
     layout: vk::PipelineLayout,
     handle: vk::Pipeline,
     push_bytes: u32,
-    storage_buffers: u32,
+    bindings: Vec<BindingKind>,
+}
+
+/// What a binding of a program is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BindingKind {
+    /// A buffer of any size that shaders may write.
+    Storage,
+    /// A small buffer of constants.
+    Uniform,
+}
+
+impl BindingKind {
+    fn descriptor(self) -> vk::DescriptorType {
+        match self {
+            BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
+            BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+        }
+    }
 }
 
 impl ComputePipeline {
     /// Makes a program of SPIR-V `words` (entry point `main`).
     ///
     /// `constants` are specialisation constants (id, bits); `push_bytes` is the size of the push
-    /// constants, 0 to 128; `storage_buffers` that many bindings 0, 1, ... of set 0 are storage buffers.
+    /// constants, 0 to 128; `bindings` are 0, 1, ... of set 0.
     pub fn new(
         gpu: &Gpu,
         name: &str,
         words: &[u32],
         constants: &[(u32, u32)],
         push_bytes: u32,
-        storage_buffers: u32,
+        bindings: &[BindingKind],
     ) -> Result<ComputePipeline> {
         assert!(push_bytes <= MAX_PUSH_BYTES, "{name}: {push_bytes} bytes of push constants");
         let device = gpu.device();
@@ -47,20 +65,21 @@ impl ComputePipeline {
             layout: vk::PipelineLayout::null(),
             handle: vk::Pipeline::null(),
             push_bytes,
-            storage_buffers,
+            bindings: bindings.to_vec(),
         };
         let mut layout = vk::PipelineLayoutCreateInfo::default();
-        let bindings: Vec<_> = (0..storage_buffers)
-            .map(|i| {
+        let bindings: Vec<_> = (0u32..)
+            .zip(bindings)
+            .map(|(i, kind)| {
                 vk::DescriptorSetLayoutBinding::default()
                     .binding(i)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_type(kind.descriptor())
                     .descriptor_count(1)
                     .stage_flags(vk::ShaderStageFlags::COMPUTE)
             })
             .collect();
         let set_layouts;
-        if storage_buffers > 0 {
+        if !bindings.is_empty() {
             let create = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
             // SAFETY: the device is alive: `gpu` holds it.
             program.set_layout = unsafe { device.create_descriptor_set_layout(&create, None) }
@@ -113,13 +132,14 @@ impl ComputePipeline {
     /// When there are not as many as the program declares.
     pub fn binding(&self, buffers: &[&Buffer]) -> Result<Binding> {
         let program = &self.0;
-        assert_eq!(buffers.len(), program.storage_buffers as usize, "storage buffers of {}", program.name);
+        assert_eq!(buffers.len(), program.bindings.len(), "buffers of {}", program.name);
         let device = program.gpu.device();
         let failed = |call: &str, e| GpuError::vulkan(format!("{call} for {}", program.name), e);
-        let sizes = [vk::DescriptorPoolSize {
-            ty: vk::DescriptorType::STORAGE_BUFFER,
-            descriptor_count: program.storage_buffers,
-        }];
+        let sizes: Vec<_> = program
+            .bindings
+            .iter()
+            .map(|kind| vk::DescriptorPoolSize { ty: kind.descriptor(), descriptor_count: 1 })
+            .collect();
         let create = vk::DescriptorPoolCreateInfo::default().max_sets(1).pool_sizes(&sizes);
         // SAFETY: the device is alive: the program holds it.
         let pool = unsafe { device.create_descriptor_pool(&create, None) }
@@ -138,12 +158,12 @@ impl ComputePipeline {
             .map(|b| [vk::DescriptorBufferInfo { buffer: b.handle(), offset: 0, range: vk::WHOLE_SIZE }])
             .collect();
         let writes: Vec<_> = (0u32..)
-            .zip(&infos)
-            .map(|(i, info)| {
+            .zip(infos.iter().zip(&program.bindings))
+            .map(|(i, (info, kind))| {
                 vk::WriteDescriptorSet::default()
                     .dst_set(set.set)
                     .dst_binding(i)
-                    .descriptor_type(vk::DescriptorType::STORAGE_BUFFER)
+                    .descriptor_type(kind.descriptor())
                     .buffer_info(info)
             })
             .collect();
@@ -177,7 +197,7 @@ impl Drop for Program {
     }
 }
 
-/// Storage buffers tied to a program; holds the buffers. A clone is another handle.
+/// Buffers tied to a program; holds the buffers. A clone is another handle.
 #[derive(Clone)]
 pub struct Binding(Arc<BoundSet>);
 

@@ -5,7 +5,8 @@ use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
 use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height};
 use crate::gpu::{
-    Binding, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, SyncPoint, Timestamps, shaders,
+    Binding, BindingKind, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, SyncPoint,
+    Timestamps, shaders,
 };
 use crate::stream::pool::Access;
 use crate::stream::scene::Scene;
@@ -102,6 +103,7 @@ pub(crate) struct FrameConstants {
     ramp: [u32; 2],
     table_mask: u32,
     top_level: i32,
+    section_level: i32,
     low: [i32; 2],
     high: [i32; 2],
     width: u32,
@@ -229,7 +231,6 @@ impl Rays {
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 pub(crate) struct Push {
-    frame: [u32; 2],
     sample_at: [i32; 2],
     sample_index: u32,
     sample_weight: f32,
@@ -251,17 +252,20 @@ struct Hit {
 
 impl Push {
     /// One sample of every pixel of a picture of `size`, in its centre.
-    pub(crate) fn whole(constants: &Buffer, size: [u32; 2]) -> Push {
-        Push {
-            frame: halves(constants.address()),
-            sample_at: sample_at(0, 1),
-            sample_index: 0,
-            sample_weight: 1.0,
-            first_row: 0,
-            rows: size[1],
-        }
+    pub(crate) fn whole(size: [u32; 2]) -> Push {
+        Push { sample_at: sample_at(0, 1), sample_index: 0, sample_weight: 1.0, first_row: 0, rows: size[1] }
     }
 }
+
+/// What the passes are given where the pool is a storage buffer: pool, table, constants, hits, colours, ramp.
+const BUFFERS: [BindingKind; 6] = {
+    let mut all = [BindingKind::Storage; 6];
+    all[2] = BindingKind::Uniform;
+    all
+};
+
+/// Passes of a frame.
+pub const PASSES: u32 = 2;
 
 const BYTES_PER_PIXEL: u64 = 16;
 const FACE_TOP: u32 = 0;
@@ -357,8 +361,8 @@ impl Renderer {
         let access = scene.pool().access();
         let pass = |name, by_address, by_buffer| {
             let (words, buffers) = match access {
-                Access::Address => (by_address, 0),
-                Access::StorageBuffer => (by_buffer, 6),
+                Access::Address => (by_address, &[BindingKind::Uniform][..]),
+                Access::StorageBuffer => (by_buffer, &BUFFERS[..]),
             };
             let constants = [(0, GROUP[0]), (1, GROUP[1])];
             ComputePipeline::new(scene.gpu(), name, words, &constants, size_of::<Push>() as u32, buffers)
@@ -472,6 +476,7 @@ impl Renderer {
         let constants = FrameConstants {
             table_mask: table.slots.len() as u32 - 1,
             top_level: table.top_level as i32,
+            section_level: table.section_level as i32,
             low: std::array::from_fn(|a| {
                 view.window.map_or(table.low[a], |[low, _]| low[a].max(table.low[a]))
             }),
@@ -493,18 +498,17 @@ impl Renderer {
             commands.keep(buffer.clone());
         }
         scene.pool().buffers().for_each(|b| commands.keep(b.clone()));
-        let bindings = |program: &ComputePipeline| -> Result<Option<Binding>, GpuError> {
+        let bindings = |program: &ComputePipeline| -> Result<Binding, GpuError> {
             if self.access == Access::Address {
-                return Ok(None);
+                return program.binding(&[&buffers.frame]);
             }
             // An empty scene has no page; the table is never followed into it.
             let pool = scene.pool().buffers().next().unwrap_or(&buffers.table);
             let all = [pool, &buffers.table, &buffers.frame, &target.hits, &target.colors, &buffers.ramp];
-            program.binding(&all).map(Some)
+            program.binding(&all)
         };
         let (trace_binding, shade_binding) = (bindings(trace)?, bindings(&self.shade)?);
         let push = Push {
-            frame: halves(buffers.frame.address()),
             sample_at: sample_at(band.sample, band.samples),
             sample_index: band.sample,
             sample_weight: 1.0 / band.samples as f32,
@@ -522,9 +526,7 @@ impl Renderer {
             }
             commands.bind(program);
             commands.push(bytemuck::bytes_of(&push));
-            if let Some(binding) = binding {
-                commands.bind_buffers(binding);
-            }
+            commands.bind_buffers(binding);
             commands.dispatch(groups);
             if let Some(clock) = clock.as_mut() {
                 clock.end(&mut commands, name);
@@ -616,6 +618,7 @@ mod tests {
             ramp,
             table_mask,
             top_level,
+            section_level,
             low,
             high,
             width,
@@ -642,9 +645,6 @@ mod tests {
             floor,
         });
         assert_in(&traversals, &constants);
-        assert_in(
-            &traversals,
-            &members!(Push { frame, sample_at, sample_index, sample_weight, first_row, rows }),
-        );
+        assert_in(&traversals, &members!(Push { sample_at, sample_index, sample_weight, first_row, rows }));
     }
 }

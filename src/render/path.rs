@@ -516,8 +516,6 @@ const SECONDS: f64 = 20.0;
 const SLOW: f64 = 10.0;
 /// Finest cells east a frame of the fast one: a section.
 pub const FAST_CELLS: u32 = 256;
-/// Finest cells north a frame of the fast one.
-const FAST_NORTH: u32 = 64;
 
 /// The paths of the benchmark, 20 s of 60 frames each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, clap::ValueEnum)]
@@ -528,7 +526,7 @@ pub enum PathKind {
     Turn,
     /// Straight over the data, 10 units a second, looking ahead and down.
     Slow,
-    /// 256 finest cells east (and 64 north) a frame, never coming back.
+    /// 256 finest cells east a frame, never coming back.
     Fast,
     /// From high above down to just over the highest thing.
     Descent,
@@ -594,10 +592,9 @@ impl PathKind {
             PathKind::Fast => {
                 // From the middle of a cell, so that no rounding takes a step into another one.
                 let start = ((center / cell).floor() + 0.5) * cell;
-                let step = DVec2::new(FAST_CELLS.into(), FAST_NORTH.into()) * cell;
-                let azimuth = step.x.atan2(step.y).to_degrees();
+                let step = DVec2::X * f64::from(FAST_CELLS) * cell;
                 [(0.0, start), (SECONDS, start + step * (SECONDS * DEFAULT_FPS))]
-                    .map(|(time, place)| at(time, place, top + 0.1 * side, azimuth, 28.0))
+                    .map(|(time, place)| at(time, place, top + 0.1 * side, 90.0, 28.0))
                     .to_vec()
             }
             PathKind::Descent => {

@@ -9,12 +9,12 @@ use super::table::Entry;
 use crate::attribute::ClassMask;
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
-    Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind, SyncPoint,
-    Timestamps, UploadRing, shaders,
+    BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
+    SyncPoint, Timestamps, UploadRing, shaders,
 };
 use crate::section::{HighestOf, Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
@@ -160,8 +160,10 @@ impl Scene {
         cell: f64,
     ) -> Result<Scene, GpuError> {
         let pass = |name, by_address, by_buffer| match access {
-            Access::Address => ComputePipeline::new(gpu, name, by_address, &[], 16, 0),
-            Access::StorageBuffer => ComputePipeline::new(gpu, name, by_buffer, &[], 0, 3),
+            Access::Address => ComputePipeline::new(gpu, name, by_address, &[], 16, &[]),
+            Access::StorageBuffer => {
+                ComputePipeline::new(gpu, name, by_buffer, &[], 0, &[BindingKind::Storage; 3])
+            }
         };
         Ok(Scene {
             order: order(Order::new(gpu, FRAMES_IN_FLIGHT)?),
@@ -454,6 +456,17 @@ impl Scene {
     fn job_of_coming(&self, key: SectionKey, fresh: &BTreeSet<SectionKey>) -> Option<Job> {
         let own = self.pool.place(&self.sections.get(&key)?.coming.as_ref()?.slot);
         self.jobs(&BTreeSet::from([key]), fresh).into_iter().find(|job| job.near[4] == own)
+    }
+
+    /// Waits until the device is through with all copies and builds submitted so far.
+    pub fn wait(&mut self) -> Result<(), GpuError> {
+        self.flush()?;
+        let coming = self.sections.values().filter_map(|r| match r.coming.as_ref()?.state {
+            State::Copying(point) | State::Building(point) => Some(point),
+            State::Staged | State::Live => None,
+        });
+        let points: HashSet<_> = coming.chain(self.last_build).collect();
+        points.into_iter().try_for_each(|point| self.order.wait(point))
     }
 
     /// Waits until every section is live.

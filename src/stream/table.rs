@@ -13,12 +13,12 @@ use std::collections::HashMap;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
 pub struct Node {
-    /// Node index at its level.
-    pub index: [i32; 2],
-    /// Level (log2 cells) | USED | SECTION | WIDE | detail level << 16.
-    pub meta: u32,
+    /// Level (log2 cells) << 26 | index east (26 bits), index north; all ones in the first: unused.
+    pub key: [u32; 2],
     /// Highest thing below, lattice steps from the anchor, rounded up.
     pub top: f32,
+    /// Level | SECTION | WIDE | detail level << 16.
+    pub meta: u32,
     /// Where the payload lies: its device address (or word), low half first.
     pub place: [u32; 2],
     /// Lattice height of code 0, from the anchor.
@@ -29,9 +29,16 @@ pub struct Node {
 
 const _: () = assert!(size_of::<Node>() == 32);
 
-const USED: u32 = 0x100;
 const SECTION: u32 = 0x200;
 const WIDE: u32 = 0x400;
+
+/// The slot of no node.
+const UNUSED: Node = Node { key: [u32::MAX; 2], top: 0.0, meta: 0, place: [0; 2], base: 0, pyramid: 0 };
+
+/// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
+fn key(level: u32, index: [i32; 2]) -> [u32; 2] {
+    [level << 26 | index[0] as u32 & 0x3FF_FFFF, index[1] as u32]
+}
 
 /// A section that is to be named in a table.
 #[derive(Clone, Copy, Debug)]
@@ -55,6 +62,8 @@ pub struct Table {
     pub slots: Vec<Node>,
     /// log2 cells of the coarsest nodes' side.
     pub top_level: u32,
+    /// log2 cells of the largest section's side.
+    pub section_level: u32,
     /// Cells covered: lower corner.
     pub low: [i32; 2],
     /// Upper corner, exclusive.
@@ -81,7 +90,8 @@ impl Table {
     pub fn build(entries: &[Entry], anchor: Height) -> Table {
         let node_of = |e: &Entry| (SECTION_LOG2 + u32::from(e.key.level), [e.key.i, e.key.j]);
         // The coarsest level at which at most 2×2 nodes cover everything: higher ones would only be walked through.
-        let mut top_level = entries.iter().map(|e| node_of(e).0).max().unwrap_or(SECTION_LOG2);
+        let section_level = entries.iter().map(|e| node_of(e).0).max().unwrap_or(SECTION_LOG2);
+        let mut top_level = section_level;
         let (low, high) = loop {
             let (mut low, mut high) = ([i32::MAX; 2], [i32::MIN; 2]);
             for e in entries {
@@ -107,8 +117,8 @@ impl Table {
             let top = steps_above(e.top, anchor);
             let wide = if e.code.wide { WIDE } else { 0 };
             let node = Node {
-                index,
-                meta: level | USED | SECTION | wide | u32::from(e.key.level) << 16,
+                key: key(level, index),
+                meta: level | SECTION | wide | u32::from(e.key.level) << 16,
                 top,
                 place: e.place,
                 base: e.code.base.wrapping_sub(anchor.0),
@@ -119,10 +129,10 @@ impl Table {
             for above in level + 1..=top_level {
                 let index = [index[0] >> (above - level), index[1] >> (above - level)];
                 let node = nodes.entry((above, index)).or_insert(Node {
-                    index,
-                    meta: above | USED,
+                    key: key(above, index),
+                    meta: above,
                     top,
-                    ..Node::zeroed()
+                    ..UNUSED
                 });
                 assert!(node.meta & SECTION == 0, "{:?} lies under a coarser section", e.key);
                 node.top = node.top.max(top);
@@ -131,13 +141,13 @@ impl Table {
 
         // At most half full; the shader's probe ends at the first unused slot.
         let size = (nodes.len() * 2).next_power_of_two().max(2);
-        let mut slots = vec![Node::zeroed(); size];
+        let mut slots = vec![UNUSED; size];
         // In key order, so that the same entries always give the same bytes.
         let mut nodes: Vec<_> = nodes.into_iter().collect();
         nodes.sort_unstable_by_key(|(key, _)| *key);
         for ((level, index), node) in nodes {
             let mut slot = hash(level, index) as usize & (size - 1);
-            while slots[slot].meta & USED != 0 {
+            while slots[slot] != UNUSED {
                 slot = (slot + 1) & (size - 1);
             }
             slots[slot] = node;
@@ -145,6 +155,7 @@ impl Table {
         Table {
             slots,
             top_level,
+            section_level,
             low: low.map(|i| i << top_level),
             high: high.map(|i| ((i64::from(i) + 1) << top_level) as i32),
         }
@@ -167,7 +178,7 @@ mod tests {
             ("shade", shaders::SHADE),
             ("shade, POOL_SSBO", shaders::SHADE_SSBO),
         ];
-        assert_in(&readers, &members!(Node { index, meta, top, place, base, pyramid }));
+        assert_in(&readers, &members!(Node { key, top, meta, place, base, pyramid }));
     }
 
     fn entry(i: i32, j: i32, top: i32) -> Entry {
@@ -185,10 +196,10 @@ mod tests {
         let mut slot = hash(level, index) as usize & mask;
         loop {
             let node = table.slots[slot];
-            if node.meta & USED == 0 {
+            if node == UNUSED {
                 return None;
             }
-            if node.meta & 0xFF == level && node.index == index {
+            if node.key == key(level, index) {
                 return Some(node);
             }
             slot = (slot + 1) & mask;
@@ -230,6 +241,6 @@ mod tests {
     fn tops_round_up() {
         assert_eq!(steps_above(Height(1 << 30), Height(1)), (1 << 30) as f32);
         assert!(steps_above(Height(16_777_217), Height(0)) >= 16_777_217.0);
-        assert!(Table::build(&[], Height(0)).slots.iter().all(|n| n.meta == 0));
+        assert!(Table::build(&[], Height(0)).slots.iter().all(|n| *n == UNUSED));
     }
 }

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use ash::vk::PipelineStageFlags2 as Stages;
 use lasray::gpu::{
-    Buffer, BufferCopy, Commands, ComputePipeline, Edge, Event, Gpu, MemoryKind, Order, Result, SyncPoint,
-    UploadRing,
+    BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Edge, Event, Gpu, MemoryKind, Order, Result,
+    SyncPoint, UploadRing,
 };
 
 use crate::model::{Agent, Step, Touch};
@@ -72,8 +72,8 @@ impl Rig {
         let table = |i: usize| Buffer::new(gpu, &format!("table {i}"), MemoryKind::Upload, 16);
         let readback = |i: usize| Buffer::new(gpu, &format!("readback {i}"), MemoryKind::Readback, BYTES);
         let (map_words, bound) = match access {
-            Access::Address => (shaders::MAP, 0),
-            Access::StorageBuffer => (shaders::MAP_SSBO, 2),
+            Access::Address => (shaders::MAP, &[][..]),
+            Access::StorageBuffer => (shaders::MAP_SSBO, &[BindingKind::Storage; 2][..]),
         };
         let order = Order::new(gpu, 2)?.recording();
         Ok(Rig {
@@ -89,7 +89,7 @@ impl Rig {
             image: device("image")?,
             readbacks: [readback(0)?, readback(1)?, readback(2)?, readback(3)?],
             map: ComputePipeline::new(gpu, "map", map_words, &[(0, GROUP)], 28, bound)?,
-            gather: ComputePipeline::new(gpu, "gather", shaders::GATHER, &[(0, GROUP)], 20, 0)?,
+            gather: ComputePipeline::new(gpu, "gather", shaders::GATHER, &[(0, GROUP)], 20, &[])?,
             access,
             touches: Vec::new(),
             frames: Vec::new(),

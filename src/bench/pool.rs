@@ -1,0 +1,155 @@
+//! Our pipeline in the harness: the persistent pool over the same window. A section is packed and copied once, when
+//! the window comes near it; a frame draws what is resident and waits for none.
+
+use super::world::World;
+use super::{FrameTimes, ms};
+use crate::coords::{SECTION_LOG2, SectionKey};
+use crate::gpu::{Gpu, Order, QueueKind, SyncPoint, Timestamps};
+use crate::render::frame::{FrameError, PASSES, Renderer, View};
+use crate::render::image::Image;
+use crate::stream::pool::Access;
+use crate::stream::scene::Scene;
+use std::collections::BTreeSet;
+use std::time::{Duration, Instant};
+
+/// Device memory for sections, bytes.
+const BUDGET: u64 = 3 << 30;
+
+/// The pipeline for one window size.
+pub struct Pool {
+    scene: Scene,
+    renderer: Renderer,
+    clock: Option<Timestamps>,
+    /// Asked for and not given up; those without a point are among them.
+    wanted: BTreeSet<SectionKey>,
+}
+
+/// Sections that cells `low` to `high` (exclusive) lie in.
+fn sections([low, high]: [[i32; 2]; 2]) -> BTreeSet<SectionKey> {
+    let [i, j] = [0, 1].map(|a| low[a] >> SECTION_LOG2..=(high[a] - 1) >> SECTION_LOG2);
+    j.flat_map(|j| i.clone().map(move |i| SectionKey { level: 0, i, j })).collect()
+}
+
+/// A section more on each side.
+fn grown([low, high]: [[i32; 2]; 2]) -> [[i32; 2]; 2] {
+    let side = 1 << SECTION_LOG2;
+    [low.map(|c| c - side), high.map(|c| c + side)]
+}
+
+impl Pool {
+    /// An empty pool.
+    pub fn new(gpu: &Gpu, world: &World) -> Result<Pool, FrameError> {
+        let budget = BUDGET.min(gpu.info().memory_bytes / 8 * 7);
+        let cell = world.grid.cell();
+        let mut scene = Scene::new(gpu, |o: Order| o, Access::Address, budget, world.visibility, cell)?;
+        scene.time();
+        let renderer = Renderer::new(&scene, world.grid, world.anchor)?;
+        let clock = Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?;
+        Ok(Pool { scene, renderer, clock, wanted: BTreeSet::new() })
+    }
+
+    /// Packs and copies what `windows` (this frame's, and those it is believed to come to) hold and is not there
+    /// yet; gives up what none of them holds. Adds its times to `times`.
+    fn stream(
+        &mut self,
+        world: &World,
+        windows: &[[[i32; 2]; 2]],
+        times: &mut FrameTimes,
+    ) -> anyhow::Result<()> {
+        let begin = Instant::now();
+        let wanted: BTreeSet<_> = windows.iter().flat_map(|w| sections(*w)).collect();
+        // What has only just left may come back.
+        let kept: BTreeSet<_> = windows.iter().flat_map(|w| sections(grown(*w))).collect();
+        let gone: Vec<_> = self.wanted.difference(&kept).copied().collect();
+        if !gone.is_empty() {
+            self.scene.remove(&gone)?;
+            self.wanted.retain(|key| !gone.contains(key));
+        }
+        let before = self.scene.counters().section_bytes;
+        let mut packing = Duration::ZERO;
+        for key in wanted.difference(&self.wanted) {
+            let Some(columns) = world.columns(*key) else { continue };
+            let from = Instant::now();
+            let packed = columns.pack();
+            packing += from.elapsed();
+            let room = self.scene.upload(*key, &packed)?;
+            anyhow::ensure!(room, "the sections of the window do not fit the device's memory");
+        }
+        self.scene.flush()?;
+        self.wanted.extend(wanted);
+        times.prepare_ms += packing.as_secs_f64() * 1e3;
+        times.copy_bytes += self.scene.counters().section_bytes - before;
+        times.wait_ms += ms(begin) - packing.as_secs_f64() * 1e3;
+        Ok(())
+    }
+
+    /// Makes everything that `window` holds resident.
+    pub fn load(&mut self, world: &World, window: [[i32; 2]; 2]) -> anyhow::Result<FrameTimes> {
+        let mut times = FrameTimes::default();
+        self.stream(world, &[window], &mut times)?;
+        self.scene.settle()?;
+        times.copy_ms = self.device_ms()?;
+        Ok(times)
+    }
+
+    /// Device time of the copies and derived passes that have ended since the last look, ms.
+    fn device_ms(&mut self) -> anyhow::Result<f64> {
+        Ok(self.scene.take_times()?.into_iter().map(|(_, ns)| ns / 1e6).sum())
+    }
+
+    /// Sections of `window` that a frame does not see now though there are points in them.
+    fn missing(&self, world: &World, window: [[i32; 2]; 2]) -> usize {
+        let live: BTreeSet<_> = self.scene.entries().into_iter().map(|e| e.key).collect();
+        sections(window).iter().filter(|key| !live.contains(key) && world.columns(**key).is_some()).count()
+    }
+
+    /// One frame of a path: draws `view` while `ahead`, the windows to come, are streamed; without a view it only
+    /// streams, and gives the device time for that as a frame would. Also gives how many sections were late.
+    pub fn frame(
+        &mut self,
+        world: &World,
+        window: [[i32; 2]; 2],
+        ahead: &[[[i32; 2]; 2]],
+        view: Option<&View>,
+    ) -> anyhow::Result<(FrameTimes, usize)> {
+        let mut times = FrameTimes::default();
+        if view.is_none() {
+            self.scene.wait()?;
+        }
+        let begin = Instant::now();
+        self.scene.advance()?;
+        let mut drawn: Option<(SyncPoint, Instant)> = None;
+        if let Some(view) = view {
+            let from = Instant::now();
+            let table = self.renderer.table(&self.scene);
+            times.table_ms = ms(from);
+            let point = self.renderer.submit_frame(&mut self.scene, view, &table, self.clock.as_mut())?;
+            drawn = Some((point, Instant::now()));
+        }
+        // Off the clock: it is the harness that wants to know.
+        let late = self.missing(world, window);
+        let windows: Vec<_> = std::iter::once(window).chain(ahead.iter().copied()).collect();
+        self.stream(world, &windows, &mut times)?;
+        if let Some((point, submitted)) = drawn {
+            self.scene.order.wait(point)?;
+            times.trace_wall_ms = ms(submitted);
+            times.total_ms = ms(begin);
+            times.trace_ms = match &mut self.clock {
+                Some(clock) => {
+                    let stages = clock.resolve(&mut self.scene.order, point)?;
+                    if std::env::var_os("STAGES").is_some() { eprintln!("{stages:?}"); }
+                    stages.iter().map(|(_, ns)| ns / 1e6).sum()
+                }
+                None => times.trace_wall_ms,
+            };
+        }
+        times.copy_ms = self.device_ms()?;
+        Ok((times, late))
+    }
+
+    /// The picture of `view` with everything of its window there.
+    pub fn picture(&mut self, view: &View) -> anyhow::Result<Image> {
+        self.scene.settle()?;
+        Ok(self.renderer.draw(&mut self.scene, view)?)
+    }
+}
