@@ -9,6 +9,8 @@ struct Frame {
     uvec2 hits;       // place of the hit records, 4 words a pixel
     uvec2 colors;     // place of the summed colours, 4 floats a pixel
     uvec2 ramp;       // place of 256 colours, sRGB
+    uvec2 beams;      // place of the beams, a tile of pixels each
+    uvec2 wide_beams; // and of the wider ones before them
     uint table_mask;  // slots of the table - 1
     int top_level;    // log2 cells of the side of the table's coarsest nodes
     int section_level; // and of its largest sections
@@ -55,6 +57,10 @@ layout(set = 0, binding = 2, scalar) uniform FrameBlock { Frame frame; };
 layout(set = 0, binding = 3, scalar) buffer Hits { uvec4 hits[]; };
 layout(set = 0, binding = 4, scalar) buffer Colors { vec4 colors[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer Ramp { vec4 ramp[]; };
+layout(set = 0, binding = 6, scalar) buffer Beams { vec2 beams[]; };
+layout(set = 0, binding = 7, scalar) buffer WideBeams { vec2 wide_beams[]; };
+#define BEAM beams
+#define WIDE_BEAM wide_beams
 #define NODE nodes
 #define HIT hits
 #define COLOR colors
@@ -65,6 +71,9 @@ layout(set = 0, binding = 0, scalar) uniform FrameBlock { Frame frame; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Hits { uvec4 hits[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Colors { vec4 colors[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ramp { vec4 ramp[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Beams { vec2 beams[]; };
+#define BEAM Beams(frame.beams).beams
+#define WIDE_BEAM Beams(frame.wide_beams).beams
 #define NODE Table(frame.table).nodes
 #define HIT Hits(frame.hits).hits
 #define COLOR Colors(frame.colors).colors
@@ -113,6 +122,7 @@ struct Ray {
     vec3 step;     // direction: cells, cells, lattice steps in one world unit
     vec3 world;    // unit direction in display space
     float start;   // t of the eye, 0 or less
+    float unit;    // length of the direction: t of one unit of depth
 };
 
 // `integer:fraction` times n, 32.32 two's complement.
@@ -129,9 +139,12 @@ void add(inout int integer, inout uint fraction, int other_int, uint other_fract
     integer += other_int + int(carry);
 }
 
-// The ray through the point `at` of the image, sixteenths of a pixel from the top left corner.
-Ray ray_at(uvec2 at) {
-    Ray ray;
+// Pixels of the side of a beam's tile.
+const uint TILE = 8u;
+
+// Origin and direction of the ray through the point `at` of the image, sixteenths of a pixel from the top left corner:
+// whole cells and what is left of them; direction in display space, 1 unit of depth long along the view.
+void origin_at(uvec2 at, out ivec3 cell, out vec3 rest, out vec3 direction) {
     // From the centre: what is symmetrical stays so, and a ray straight ahead is the camera's very own.
     ivec2 from_centre = ivec2(at) - 8 * ivec2(frame.width, frame.height);
     for (int axis = 0; axis < 3; axis++) {
@@ -145,14 +158,22 @@ Ray ray_at(uvec2 at) {
         add(integer, fraction, part_int, part_fraction);
         // To 24 bits, which a float holds; to even, so that what is symmetrical stays so.
         add(integer, fraction, 0, 127u + (fraction >> 8u & 1u));
-        ray.cell[axis] = integer;
-        ray.fraction[axis] = float(fraction >> 8u) * 5.9604644775390625e-8;
+        cell[axis] = integer;
+        rest[axis] = float(fraction >> 8u) * 5.9604644775390625e-8;
     }
-    vec3 direction = frame.forward + float(from_centre.x) * frame.right + float(from_centre.y) * frame.down;
+    direction = frame.forward + float(from_centre.x) * frame.right + float(from_centre.y) * frame.down;
+}
+
+// The ray through that point.
+Ray ray_at(uvec2 at) {
+    Ray ray;
+    vec3 direction;
+    origin_at(at, ray.cell, ray.fraction, direction);
     float unit = length(direction);
     ray.world = direction / unit;
     ray.step = ray.world * frame.to_local;
     ray.start = -frame.depth * unit;
+    ray.unit = unit;
     return ray;
 }
 

@@ -12,6 +12,11 @@ void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     Ray ray = ray_at(sample_of(pixel));
-    Hit hit = trace(ray, ray.start, frame.top_level);
+    uvec2 tile = pixel / TILE;
+    vec2 beam = BEAM[tile.y * ((frame.width + TILE - 1u) / TILE) + tile.x];
+    // A little before, for rounding.
+    float start = beam.x * ray.unit;
+    start = max(start - 1e-6 * abs(start), ray.start);
+    Hit hit = trace(ray, start, min(int(beam.y), frame.top_level));
     HIT[pixel.y * frame.width + pixel.x] = uvec4(floatBitsToUint(hit.t), hit.slot, hit.column.y << SECTION_LOG2 | hit.column.x | hit.face << 16u, uint(hit.top));
 }

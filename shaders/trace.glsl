@@ -70,12 +70,11 @@ Hit trace(Ray ray, float start, int level) {
     }
     if (t >= t_leave) return hit;
 
-    // The node of `level` that the ray is in; rounding may put it a border off.
+    // The finest cell that the ray is in; rounding may put it a border off.
     vec2 at = fma(vec2(t), mix(abs(ray.step.xy), vec2(0.0), still), walk.fraction);
     ivec2 cell = clamp(walk.origin + ivec2(floor(at)), low, high - 1);
-    ivec2 node = cell >> level;
-    ivec2 ahead = past(walk, node + 1 << level, t), behind = 1 - past(walk, node << level, t);
-    node = clamp(node + ahead - behind * (1 - ahead), low >> level, (high - 1) >> level);
+    ivec2 ahead = past(walk, cell + 1, t), behind = 1 - past(walk, cell, t);
+    cell = clamp(cell + ahead - behind * (1 - ahead), low, high - 1);
 
     // The section that the ray is in: nodes of levels finest to ceiling - 1 are its pyramid's. Above, the table's.
     int finest = 0, ceiling = 0;
@@ -83,6 +82,27 @@ Hit trace(Ray ray, float start, int level) {
     uvec2 place = uvec2(0);
     int base = 0;
     bool wide = false;
+    ivec2 node;
+#define ENTER(found, at)                      \
+    uint meta = NODE[found].meta;             \
+    if ((meta & NODE_SECTION) != 0u) {        \
+        ceiling = at;                         \
+        finest = int(meta >> 16u & 0xFFu);    \
+        wide = (meta & NODE_WIDE) != 0u;      \
+        place = NODE[found].place;            \
+        pyramid = NODE[found].pyramid;        \
+        base = NODE[found].base;              \
+    }
+    // Below the table's levels the walk begins in a section, if there is one.
+    for (int at = frame.section_level; at >= int(SECTION_LOG2) && level < at && ceiling == 0; at--) {
+        slot = find_node(uint(at), (cell ^ -walk.mirror) >> at);
+        if (slot != NO_NODE) {
+            ENTER(slot, at)
+        }
+    }
+    if (ceiling == 0) level = max(level, frame.section_level);
+    else level = max(level, finest);
+    node = cell >> level;
 
     while (true) {
         vec2 ts = t_at(walk, node + 1 << level);
@@ -97,15 +117,7 @@ Hit trace(Ray ray, float start, int level) {
             slot = find_node(uint(level), real);
             down = slot != NO_NODE && lowest <= NODE[slot].top;
             if (down) {
-                uint meta = NODE[slot].meta;
-                if ((meta & NODE_SECTION) != 0u) {
-                    ceiling = level;
-                    finest = int(meta >> 16u & 0xFFu);
-                    wide = (meta & NODE_WIDE) != 0u;
-                    place = NODE[slot].place;
-                    pyramid = NODE[slot].pyramid;
-                    base = NODE[slot].base;
-                }
+                ENTER(slot, level)
             }
         } else {
             uint l = uint(level - finest), side = SECTION_SIDE >> l;

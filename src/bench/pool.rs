@@ -137,7 +137,9 @@ impl Pool {
             times.trace_ms = match &mut self.clock {
                 Some(clock) => {
                     let stages = clock.resolve(&mut self.scene.order, point)?;
-                    if std::env::var_os("STAGES").is_some() { eprintln!("{stages:?}"); }
+                    if std::env::var_os("STAGES").is_some() {
+                        eprintln!("{stages:?}");
+                    }
                     stages.iter().map(|(_, ns)| ns / 1e6).sum()
                 }
                 None => times.trace_wall_ms,

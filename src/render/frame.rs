@@ -101,6 +101,8 @@ pub(crate) struct FrameConstants {
     hits: [u32; 2],
     colors: [u32; 2],
     ramp: [u32; 2],
+    beams: [u32; 2],
+    wide_beams: [u32; 2],
     table_mask: u32,
     top_level: i32,
     section_level: i32,
@@ -257,15 +259,23 @@ impl Push {
     }
 }
 
-/// What the passes are given where the pool is a storage buffer: pool, table, constants, hits, colours, ramp.
-const BUFFERS: [BindingKind; 6] = {
-    let mut all = [BindingKind::Storage; 6];
+/// What the passes are given where the pool is a storage buffer: pool, table, constants, hits, colours, ramp, beams,
+/// wide beams.
+const BUFFERS: [BindingKind; 8] = {
+    let mut all = [BindingKind::Storage; 8];
     all[2] = BindingKind::Uniform;
     all
 };
 
 /// Passes of a frame.
-pub const PASSES: u32 = 2;
+pub const PASSES: u32 = 4;
+
+/// Pixels of the side of a beam's tile; `shaders/frame.glsl` has the same.
+const TILE: u32 = 8;
+/// And of the wide beams'.
+const WIDE_TILE: u32 = 64;
+/// How far a beam came, and its level.
+const BYTES_PER_BEAM: u64 = 8;
 
 const BYTES_PER_PIXEL: u64 = 16;
 const FACE_TOP: u32 = 0;
@@ -285,12 +295,16 @@ struct Target {
     size: [u32; 2],
     hits: Buffer,
     colors: Buffer,
+    beams: Buffer,
+    wide_beams: Buffer,
     hits_back: Buffer,
     colors_back: Buffer,
 }
 
 /// Makes pictures of a scene.
 pub struct Renderer {
+    wide_beams: ComputePipeline,
+    beams: ComputePipeline,
     trace: ComputePipeline,
     plain: ComputePipeline,
     shade: ComputePipeline,
@@ -367,7 +381,17 @@ impl Renderer {
             let constants = [(0, GROUP[0]), (1, GROUP[1])];
             ComputePipeline::new(scene.gpu(), name, words, &constants, size_of::<Push>() as u32, buffers)
         };
+        let beams = |name, side: u32, before: u32| {
+            let (words, buffers) = match access {
+                Access::Address => (shaders::BEAM, &[BindingKind::Uniform][..]),
+                Access::StorageBuffer => (shaders::BEAM_SSBO, &BUFFERS[..]),
+            };
+            let constants = [(0, GROUP[0]), (1, 1), (2, side), (3, before)];
+            ComputePipeline::new(scene.gpu(), name, words, &constants, size_of::<Push>() as u32, buffers)
+        };
         Ok(Renderer {
+            wide_beams: beams("wide beams", WIDE_TILE, 0)?,
+            beams: beams("beams", TILE, WIDE_TILE)?,
             trace: pass("trace", shaders::TRACE, shaders::TRACE_SSBO)?,
             plain: pass("plain", shaders::PLAIN, shaders::PLAIN_SSBO)?,
             shade: pass("shade", shaders::SHADE, shaders::SHADE_SSBO)?,
@@ -435,10 +459,16 @@ impl Renderer {
         let bytes = u64::from(size[0]) * u64::from(band_rows(size)) * BYTES_PER_PIXEL;
         if self.target.as_ref().is_none_or(|t| t.size != size) {
             self.target = None;
+            let tiles = |name: &str, side: u32| {
+                let tiles = u64::from(size[0].div_ceil(side)) * u64::from(band_rows(size).div_ceil(side));
+                Buffer::new(gpu, name, MemoryKind::Device, tiles * BYTES_PER_BEAM)
+            };
             self.target = Some(Target {
                 size,
                 hits: Buffer::new(gpu, "hits", MemoryKind::Device, bytes)?,
                 colors: Buffer::new(gpu, "colors", MemoryKind::Device, bytes)?,
+                beams: tiles("beams", TILE)?,
+                wide_beams: tiles("wide beams", WIDE_TILE)?,
                 hits_back: Buffer::new(gpu, "hits read back", MemoryKind::Readback, bytes)?,
                 colors_back: Buffer::new(gpu, "colors read back", MemoryKind::Readback, bytes)?,
             });
@@ -489,25 +519,47 @@ impl Renderer {
         buffers.ramp.write(0, bytemuck::cast_slice(view.colors.table.as_slice()));
         buffers.frame.write(0, bytemuck::bytes_of(&constants));
 
-        let trace = match view.traversal {
-            Traversal::Fast => &self.trace,
-            Traversal::Plain => &self.plain,
+        let tiles = |side: u32| [view.size[0].div_ceil(side).div_ceil(GROUP[0]), band.rows.div_ceil(side), 1];
+        let pixels = [view.size[0].div_ceil(GROUP[0]), band.rows.div_ceil(GROUP[1]), 1];
+        let traced = match view.traversal {
+            Traversal::Fast => vec![
+                ("wide beams", &self.wide_beams, tiles(WIDE_TILE)),
+                ("beams", &self.beams, tiles(TILE)),
+                ("trace", &self.trace, pixels),
+            ],
+            Traversal::Plain => vec![("trace", &self.plain, pixels)],
         };
-        let groups = [view.size[0].div_ceil(GROUP[0]), band.rows.div_ceil(GROUP[1]), 1];
-        for buffer in [&buffers.frame, &buffers.table, &buffers.ramp, &target.hits, &target.colors] {
+        for buffer in [
+            &buffers.frame,
+            &buffers.table,
+            &buffers.ramp,
+            &target.hits,
+            &target.colors,
+            &target.beams,
+            &target.wide_beams,
+        ] {
             commands.keep(buffer.clone());
         }
         scene.pool().buffers().for_each(|b| commands.keep(b.clone()));
+        let pool = scene.pool().buffers().next().cloned();
         let bindings = |program: &ComputePipeline| -> Result<Binding, GpuError> {
             if self.access == Access::Address {
                 return program.binding(&[&buffers.frame]);
             }
             // An empty scene has no page; the table is never followed into it.
-            let pool = scene.pool().buffers().next().unwrap_or(&buffers.table);
-            let all = [pool, &buffers.table, &buffers.frame, &target.hits, &target.colors, &buffers.ramp];
+            let pool = pool.as_ref().unwrap_or(&buffers.table);
+            let all = [
+                pool,
+                &buffers.table,
+                &buffers.frame,
+                &target.hits,
+                &target.colors,
+                &buffers.ramp,
+                &target.beams,
+                &target.wide_beams,
+            ];
             program.binding(&all)
         };
-        let (trace_binding, shade_binding) = (bindings(trace)?, bindings(&self.shade)?);
         let push = Push {
             sample_at: sample_at(band.sample, band.samples),
             sample_index: band.sample,
@@ -518,15 +570,15 @@ impl Renderer {
         if let Some(clock) = clock.as_mut() {
             clock.begin(&mut commands);
         }
-        for (program, binding, name) in
-            [(trace, &trace_binding, "trace"), (&self.shade, &shade_binding, "shade")]
+        for (pass, (name, program, groups)) in
+            traced.into_iter().chain([("shade", &self.shade, pixels)]).enumerate()
         {
-            if std::ptr::eq(program, &self.shade) {
+            if pass > 0 {
                 scene.order.next_pass(&mut commands);
             }
             commands.bind(program);
             commands.push(bytemuck::bytes_of(&push));
-            commands.bind_buffers(binding);
+            commands.bind_buffers(&bindings(program)?);
             commands.dispatch(groups);
             if let Some(clock) = clock.as_mut() {
                 clock.end(&mut commands, name);
@@ -555,6 +607,8 @@ impl Renderer {
             hits: place(&target.hits),
             colors: place(&target.colors),
             ramp: place(&buffers.ramp),
+            beams: place(&target.beams),
+            wide_beams: place(&target.wide_beams),
             ..FrameConstants::new(view, rays, &self.grid, self.anchor)
         }
     }
@@ -616,6 +670,8 @@ mod tests {
             hits,
             colors,
             ramp,
+            beams,
+            wide_beams,
             table_mask,
             top_level,
             section_level,
