@@ -22,8 +22,7 @@ const float NOTHING = -3e38;
 struct Here {
     ivec2 section;
     uint slot;
-    uvec2 place;
-    uint pyramid;
+    uvec2 pyramid;
     int base, level, finest;
     bool wide;
 };
@@ -38,7 +37,7 @@ float top_of(inout Here here, int level, ivec2 node) {
             if (slot == NO_NODE) continue;
             uint meta = NODE[slot].meta;
             if ((meta & NODE_SECTION) != 0u && level < l) {
-                here = Here(node >> l - level, slot, NODE[slot].place, NODE[slot].pyramid, NODE[slot].base, l,
+                here = Here(node >> l - level, slot, NODE[slot].pyramid, NODE[slot].base, l,
                             int(meta >> 16u & 0xFFu), (meta & NODE_WIDE) != 0u);
                 break;
             }
@@ -50,7 +49,7 @@ float top_of(inout Here here, int level, ivec2 node) {
     int at = max(level, here.finest);
     uint l = uint(at - here.finest), side = SECTION_SIDE >> l;
     uvec2 inner = uvec2(node >> at - level) & (side - 1u);
-    uint code = load_code(here.place, here.pyramid, pyramid_offset(l) + inner.y * side + inner.x, here.wide);
+    uint code = load_code(here.pyramid, 0u, pyramid_offset(l) + inner.y * side + inner.x, here.wide);
     return code == 0u ? NOTHING : float(here.base + int(code));
 }
 

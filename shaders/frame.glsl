@@ -43,9 +43,11 @@ struct Node {
     uvec2 key;    // level << 26 | index east (26 bits), index north; NO_KEY: unused
     float top;    // highest thing below, lattice steps from the anchor, rounded up
     uint meta;    // level | SECTION | wide << 10 | detail level << 16
-    uvec2 place;  // of the section's payload
-    int base;     // lattice height of code 0, from the anchor
-    uint pyramid; // word of the payload at which its pyramid starts
+    uvec2 place;   // of the section's payload
+    uvec2 pyramid; // of its pyramid
+    int base;      // lattice height of code 0, from the anchor
+    uint beside[4]; // slots of the sections of its size to the east, west, north and south, or NO_NODE
+    uint pad[3];    // a cache line
 };
 const uint NO_KEY = 0xFFFFFFFFu;
 const uint NODE_SECTION = 0x200u;

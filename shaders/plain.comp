@@ -26,7 +26,7 @@ PlainNode plain_node(ivec2 cell, int level) {
     if (node.slot != NO_NODE) {
         uint element = pyramid_offset(uint(level)) + node.inner.y * (SECTION_SIDE >> level) + node.inner.x;
         bool wide = (NODE[node.slot].meta & NODE_WIDE) != 0u;
-        uint code = load_code(NODE[node.slot].place, NODE[node.slot].pyramid, element, wide);
+        uint code = load_code(NODE[node.slot].pyramid, 0u, element, wide);
         node.top = NODE[node.slot].base + int(code);
         node.there = code != 0u;
     }

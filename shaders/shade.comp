@@ -38,7 +38,7 @@ bool top_at(inout Here here, ivec2 column, out float top) {
     if (here.slot == NO_NODE) return false;
     uint meta = NODE[here.slot].meta;
     uvec2 inner = uvec2(column) & (SECTION_SIDE - 1u);
-    uint code = load_code(NODE[here.slot].place, NODE[here.slot].pyramid, inner.y * SECTION_SIDE + inner.x, (meta & NODE_WIDE) != 0u);
+    uint code = load_code(NODE[here.slot].pyramid, 0u, inner.y * SECTION_SIDE + inner.x, (meta & NODE_WIDE) != 0u);
     top = float(NODE[here.slot].base + int(code));
     return code != 0u;
 }
@@ -103,7 +103,7 @@ void main() {
 
     // Columns are solid without end: below the floor a lit picture shows what is behind their sides.
     float z = fma(uintBitsToFloat(hit.x), ray.step.z, float(ray.cell.z) + ray.fraction.z);
-    if (hit.z >> 16u == FACE_TOP) z = float(int(hit.w));
+    if ((hit.z >> 16u & 7u) == FACE_TOP) z = float(int(hit.w));
     else if (z < frame.floor) hit.y = NO_NODE;
 
     vec4 color = vec4(0.0);
@@ -116,7 +116,7 @@ void main() {
         uint meta = NODE[hit.y].meta;
         int detail = int(meta >> 16u & 0xFFu);
         uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
-        uint face = hit.z >> 16u;
+        uint face = hit.z >> 16u & 7u;
         Here here = Here(index_of(hit.y), hit.y, meta & 0xFFu);
         ivec2 column = index_of(hit.y) * int(SECTION_SIDE) + ivec2(inner);
 
@@ -185,5 +185,5 @@ void main() {
     vec4 sum = color * push.sample_weight;
     if (push.sample_index > 0u) sum += COLOR[at];
     COLOR[at] = sum;
-    HIT[at] = uvec4(hit.x, bits, 0u, hit.w);
+    HIT[at] = uvec4(hit.x, bits, hit.z >> 19u, hit.w);
 }

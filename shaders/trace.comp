@@ -18,5 +18,5 @@ void main() {
     float start = beam.x * ray.unit;
     start = max(start - 1e-6 * abs(start), ray.start);
     Hit hit = trace(ray, start, min(int(beam.y), frame.top_level));
-    HIT[pixel.y * frame.width + pixel.x] = uvec4(floatBitsToUint(hit.t), hit.slot, hit.column.y << SECTION_LOG2 | hit.column.x | hit.face << 16u, uint(hit.top));
+    HIT[pixel.y * frame.width + pixel.x] = uvec4(floatBitsToUint(hit.t), hit.slot, hit.column.y << SECTION_LOG2 | hit.column.x | hit.face << 16u | min(hit.steps, 8191u) << 19u, uint(hit.top));
 }

@@ -36,11 +36,12 @@ struct Hit {
     uvec2 column;
     uint face;
     int top;
+    uint steps; // nodes looked at
 };
 
 // Traces `ray` from t `start` on, where it is known to be above everything, beginning at `level`.
 Hit trace(Ray ray, float start, int level) {
-    Hit hit = Hit(0.0, NO_NODE, uvec2(0), 0u, 0);
+    Hit hit = Hit(0.0, NO_NODE, uvec2(0), 0u, 0, 0u);
     Walk walk;
     // -0 and what is nearly 0 go east and north, and never arrive.
     bvec2 still = lessThan(abs(ray.step.xy), vec2(1e-20));
@@ -76,96 +77,128 @@ Hit trace(Ray ray, float start, int level) {
     ivec2 ahead = past(walk, cell + 1, t), behind = 1 - past(walk, cell, t);
     cell = clamp(cell + ahead - behind * (1 - ahead), low, high - 1);
 
-    // The section that the ray is in: nodes of levels finest to ceiling - 1 are its pyramid's. Above, the table's.
-    int finest = 0, ceiling = 0;
-    uint slot = NO_NODE, pyramid = 0u;
-    uvec2 place = uvec2(0);
-    int base = 0;
-    bool wide = false;
-    ivec2 node;
-#define ENTER(found, at)                      \
-    uint meta = NODE[found].meta;             \
-    if ((meta & NODE_SECTION) != 0u) {        \
-        ceiling = at;                         \
-        finest = int(meta >> 16u & 0xFFu);    \
-        wide = (meta & NODE_WIDE) != 0u;      \
-        place = NODE[found].place;            \
-        pyramid = NODE[found].pyramid;        \
-        base = NODE[found].base;              \
-    }
-    // Below the table's levels the walk begins in a section, if there is one.
-    for (int at = frame.section_level; at >= int(SECTION_LOG2) && level < at && ceiling == 0; at--) {
-        slot = find_node(uint(at), (cell ^ -walk.mirror) >> at);
-        if (slot != NO_NODE) {
-            ENTER(slot, at)
-        }
-    }
-    if (ceiling == 0) level = max(level, frame.section_level);
-    else level = max(level, finest);
-    node = cell >> level;
+    int first = min(level, frame.top_level);
+    level = max(first, frame.section_level);
+    ivec2 node = cell >> level;
+    ivec2 flip = -walk.mirror;
+    // Whether a stay of no length in a node counts: not where the ray only touches a corner on the way from the
+    // south-west to the north-east or back.
+    bool diagonal = walk.mirror.x == walk.mirror.y;
+    bool touches = !diagonal || face == FACE_INSIDE;
+    bool falls = walk.dz < 0.0;
+    bool done = false;
 
-    while (true) {
-        vec2 ts = t_at(walk, node + 1 << level);
-        bool east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
-        float t_exit = max(east ? ts.x : ts.y, t);
-        float lowest = fma(walk.dz < 0.0 ? t_exit : t, walk.dz, walk.z0);
-        ivec2 real = node ^ -walk.mirror;
-
-        bool down;
-        int top = 0;
-        if (level >= ceiling) {
-            slot = find_node(uint(level), real);
-            down = slot != NO_NODE && lowest <= NODE[slot].top;
+    while (!done) {
+        // Through the table to a section that may be hit.
+        float t_exit;
+        bool east;
+        while (true) {
+            hit.steps++;
+            vec2 ts = t_at(walk, node + 1 << level);
+            east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
+            t_exit = max(east ? ts.x : ts.y, t);
+            hit.slot = find_node(uint(level), node ^ flip);
+            bool down = hit.slot != NO_NODE && fma(falls ? t_exit : t, walk.dz, walk.z0) <= NODE[hit.slot].top;
+            if (down && (NODE[hit.slot].meta & NODE_SECTION) != 0u) break;
             if (down) {
-                ENTER(slot, level)
-            }
-        } else {
-            uint l = uint(level - finest), side = SECTION_SIDE >> l;
-            uvec2 inner = uvec2(real) & (side - 1u);
-            uint code = load_code(place, pyramid, pyramid_offset(l) + inner.y * side + inner.x, wide);
-            top = base + int(code);
-            // Not where the ray only touches a corner on the way from the south-west to the north-east or back.
-            down = code != 0u && lowest <= float(top)
-                && (t_exit > t || walk.mirror.x != walk.mirror.y || face == FACE_INSIDE);
-            if (down && level == finest) {
-                // What the window does not hold is not there; the ray has left it, then.
-                if (any(lessThan(node << level, low)) || any(greaterThanEqual(node << level, high))) return hit;
-                float z = fma(t, walk.dz, walk.z0);
-                if (z > float(top)) {
-                    face = FACE_TOP;
-                    t = clamp((float(top - ray.cell.z) - ray.fraction.z) / walk.dz, t, t_exit);
-                }
-                if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
-                return Hit(t, slot, inner, face, top);
+                level--;
+                node = node * 2 + past(walk, (node * 2 + 1) << level, t);
+            } else {
+                done = !(t_exit < t_leave);
+                if (done) break;
+                first = 64;
+                t = t_exit;
+                node += ivec2(east, !east);
+                face = east ? FACE_WEST : FACE_SOUTH;
+                touches = !diagonal;
+                // Up where a 2x2 square of nodes ends, and as far as a section may reach that begins here.
+                int crossed = east ? node.x : node.y;
+                int up = min(max(~crossed & 1, min(findLSB(crossed), frame.section_level - level)), frame.top_level - level);
+                level += up;
+                node >>= up;
             }
         }
-        if (down) {
+        if (done) break;
+
+        // Neighbours of the same size are as fine.
+        int ceiling = level, finest = level - int(SECTION_LOG2);
+        if (first < ceiling) {
+            level = max(first, finest);
+            node = cell >> level;
+            first = 64;
+        } else {
             level--;
             node = node * 2 + past(walk, (node * 2 + 1) << level, t);
-            continue;
         }
-        if (!(t_exit < t_leave)) return hit;
-        t = t_exit;
-        int crossed;
-        if (east) {
-            node.x++;
-            crossed = node.x;
-            face = FACE_WEST;
-        } else {
-            node.y++;
-            crossed = node.y;
-            face = FACE_SOUTH;
+        int top = 0;
+        float t_end = 0.0;
+        bool found = false;
+        // From section to section, as long as they are of one size.
+        while (true) {
+        uvec2 pyramid = NODE[hit.slot].pyramid;
+        int base = NODE[hit.slot].base;
+        uint wide = NODE[hit.slot].meta >> 10u & 1u;
+        while (true) {
+            hit.steps++;
+            vec2 ts = t_at(walk, node + 1 << level);
+            east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
+            t_exit = max(east ? ts.x : ts.y, t);
+            uint l = uint(level - finest), side = SECTION_SIDE >> l;
+            uvec2 inner = uvec2(node ^ flip) & (side - 1u);
+            uint index = pyramid_offset(l) + (inner.y << SECTION_LOG2 - l) + inner.x;
+            // Two codes a word, or one.
+            uint word = pool_load(pyramid, index >> 1u - wide);
+            uint code = wide != 0u ? word : (word >> (index & 1u) * 16u) & 0xFFFFu;
+            int highest = base + int(code);
+            bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
+            if (down && level == finest) {
+                found = true;
+                top = highest;
+                t_end = t_exit;
+                break;
+            }
+            if (down) {
+                level--;
+                node = node * 2 + past(walk, (node * 2 + 1) << level, t);
+            } else {
+                done = !(t_exit < t_leave);
+                t = t_exit;
+                node += ivec2(east, !east);
+                face = east ? FACE_WEST : FACE_SOUTH;
+                touches = !diagonal;
+                int crossed = east ? node.x : node.y;
+                if (done || (crossed & (1 << ceiling - level) - 1) == 0) break;
+                int up = ~crossed & 1;
+                level += up;
+                node >>= up;
+            }
         }
-        // Up where a 2x2 square of nodes ends. Where the section ends, to where the next one may begin: it can be as
-        // large as the border that was crossed allows, and as the table's largest.
-        int up = crossed & 1 ^ 1;
-        bool leaves = level >= ceiling || (crossed & (1 << ceiling - level) - 1) == 0;
-        if (leaves) {
-            up = max(up, min(findLSB(crossed), frame.section_level - level));
-            ceiling = 0;
+        if (found || done) break;
+        // The level stays as it is: what is near the ray here is near it there.
+        uint next = NODE[hit.slot].beside[face == FACE_WEST ? walk.mirror.x : 2 + walk.mirror.y];
+        if (next == NO_NODE) break;
+        hit.slot = next;
+        int up = min(1, ceiling - 1 - level);
+        level += up;
+        node >>= up;
         }
-        up = min(up, frame.top_level - level);
+        if (found) {
+            // What the window does not hold is not there; the ray has left it, then.
+            done = true;
+            if (any(lessThan(node << level, low)) || any(greaterThanEqual(node << level, high))) break;
+            if (fma(t, walk.dz, walk.z0) > float(top)) {
+                face = FACE_TOP;
+                t = clamp((float(top - ray.cell.z) - ray.fraction.z) / walk.dz, t, t_end);
+            }
+            if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
+            return Hit(t, hit.slot, uvec2(node ^ flip) & (SECTION_SIDE - 1u), face, top, hit.steps);
+        }
+        // Out of the section, to where the next one may begin.
+        int crossed = face == FACE_WEST ? node.x : node.y;
+        int up = min(max(ceiling - level, min(findLSB(crossed), frame.section_level - level)), frame.top_level - level);
         level += up;
         node >>= up;
     }
+    hit.slot = NO_NODE;
+    return hit;
 }

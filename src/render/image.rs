@@ -57,6 +57,8 @@ pub struct Image {
     pub hit_height: Vec<f32>,
     /// ASPRS class; [`MISS_CLASS`] on a miss.
     pub class: Vec<u32>,
+    /// Nodes that the traversal looked at for one ray a pixel, all pixels together.
+    pub steps: u64,
     /// How the thing hit came to be (measured, bridged, …); 0 on a miss.
     pub origin: Vec<u32>,
 }
@@ -75,6 +77,7 @@ impl Image {
             distance: vec![f32::INFINITY; pixels],
             hit_height: vec![0.0; pixels],
             class: vec![MISS_CLASS; pixels],
+            steps: 0,
             origin: vec![0; pixels],
         }
     }

@@ -139,15 +139,19 @@ impl Pool {
 
     /// A slot's place as the shaders take it.
     pub fn place(&self, slot: &Slot) -> [u32; 2] {
+        self.place_of_word(slot, 0)
+    }
+
+    /// The place of word `word` of a slot.
+    pub fn place_of_word(&self, slot: &Slot, word: u32) -> [u32; 2] {
+        let offset = slot.offset + 4 * u64::from(word);
         match self.access {
             Access::Address => {
-                let address = self.buffer(slot).address() + slot.offset;
+                let address = self.buffer(slot).address() + offset;
                 [address as u32, (address >> 32) as u32]
             }
-            Access::StorageBuffer => {
-                // Place 0, 0 stands for "none".
-                [(slot.offset / 4) as u32, 1]
-            }
+            // Place 0, 0 stands for "none".
+            Access::StorageBuffer => [(offset / 4) as u32, 1],
         }
     }
 

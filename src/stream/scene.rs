@@ -605,7 +605,8 @@ impl Scene {
                 };
                 let layout = &version.layout;
                 let place = self.pool.place(&version.slot);
-                Some(Entry { key: *key, place, code: layout.code, pyramid: layout.pyramid, top })
+                let pyramid = self.pool.place_of_word(&version.slot, layout.pyramid);
+                Some(Entry { key: *key, place, pyramid, code: layout.code, top })
             })
             .collect();
         entries.sort_unstable_by_key(|e| e.key);

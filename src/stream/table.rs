@@ -21,19 +21,32 @@ pub struct Node {
     pub meta: u32,
     /// Where the payload lies: its device address (or word), low half first.
     pub place: [u32; 2],
+    /// Where its pyramid lies.
+    pub pyramid: [u32; 2],
     /// Lattice height of code 0, from the anchor.
     pub base: i32,
-    /// Word of the payload at which the pyramid starts.
-    pub pyramid: u32,
+    /// Slots of the sections of its size to the east, west, north and south; all ones where there is none.
+    pub beside: [u32; 4],
+    /// Up to a cache line.
+    pub pad: [u32; 3],
 }
 
-const _: () = assert!(size_of::<Node>() == 32);
+const _: () = assert!(size_of::<Node>() == 64);
 
 const SECTION: u32 = 0x200;
 const WIDE: u32 = 0x400;
 
 /// The slot of no node.
-const UNUSED: Node = Node { key: [u32::MAX; 2], top: 0.0, meta: 0, place: [0; 2], base: 0, pyramid: 0 };
+const UNUSED: Node = Node {
+    key: [u32::MAX; 2],
+    top: 0.0,
+    meta: 0,
+    place: [0; 2],
+    pyramid: [0; 2],
+    base: 0,
+    beside: [u32::MAX; 4],
+    pad: [0; 3],
+};
 
 /// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
 fn key(level: u32, index: [i32; 2]) -> [u32; 2] {
@@ -47,10 +60,10 @@ pub struct Entry {
     pub key: SectionKey,
     /// Its payload's place.
     pub place: [u32; 2],
+    /// Its pyramid's.
+    pub pyramid: [u32; 2],
     /// How it stores heights.
     pub code: HeightCode,
-    /// Word at which its pyramid starts.
-    pub pyramid: u32,
     /// Nothing that it shows is higher.
     pub top: Height,
 }
@@ -121,8 +134,9 @@ impl Table {
                 meta: level | SECTION | wide | u32::from(e.key.level) << 16,
                 top,
                 place: e.place,
-                base: e.code.base.wrapping_sub(anchor.0),
                 pyramid: e.pyramid,
+                base: e.code.base.wrapping_sub(anchor.0),
+                ..UNUSED
             };
             let other = nodes.insert((level, index), node);
             assert!(other.is_none(), "{:?} is named twice, or lies over a finer section", e.key);
@@ -145,12 +159,20 @@ impl Table {
         // In key order, so that the same entries always give the same bytes.
         let mut nodes: Vec<_> = nodes.into_iter().collect();
         nodes.sort_unstable_by_key(|(key, _)| *key);
+        let mut slot_of = HashMap::with_capacity(entries.len());
         for ((level, index), node) in nodes {
             let mut slot = hash(level, index) as usize & (size - 1);
             while slots[slot] != UNUSED {
                 slot = (slot + 1) & (size - 1);
             }
             slots[slot] = node;
+            if node.meta & SECTION != 0 {
+                slot_of.insert((level, index), slot);
+            }
+        }
+        for (&(level, [i, j]), &slot) in &slot_of {
+            let beside = [[i + 1, j], [i - 1, j], [i, j + 1], [i, j - 1]];
+            slots[slot].beside = beside.map(|at| slot_of.get(&(level, at)).map_or(u32::MAX, |&s| s as u32));
         }
         Table {
             slots,
@@ -178,7 +200,7 @@ mod tests {
             ("shade", shaders::SHADE),
             ("shade, POOL_SSBO", shaders::SHADE_SSBO),
         ];
-        assert_in(&readers, &members!(Node { key, top, meta, place, base, pyramid }));
+        assert_in(&readers, &members!(Node { key, top, meta, place, pyramid, base, beside, pad }));
     }
 
     fn entry(i: i32, j: i32, top: i32) -> Entry {
@@ -186,7 +208,7 @@ mod tests {
             key: SectionKey { level: 0, i, j },
             place: [i as u32, j as u32],
             code: HeightCode { base: 0, wide: false },
-            pyramid: 7,
+            pyramid: [7, 0],
             top: Height(top),
         }
     }
