@@ -65,38 +65,64 @@ impl Default for Columns {
     }
 }
 
-/// Block index and column within the block of the column at (x, y), both 0..256, counted from the south-west.
+/// Index in block order (block · 64 + column in it) of the column at (x, y), both 0..256, counted from the south-west.
 #[inline]
-fn place(x: u32, y: u32) -> (usize, usize) {
+pub fn column_index(x: u32, y: u32) -> u16 {
     let mask = (1 << BLOCK_LOG2) - 1;
     let block = (y >> BLOCK_LOG2) * BLOCKS_SIDE + (x >> BLOCK_LOG2);
-    let column = ((y & mask) << BLOCK_LOG2) | (x & mask);
-    (block as usize, column as usize)
+    (block << (2 * BLOCK_LOG2) | (y & mask) << BLOCK_LOG2 | (x & mask)) as u16
 }
 
 impl Columns {
     /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its class.
     /// The result does not depend on the order of calls.
-    #[inline]
     pub fn add(&mut self, x: u32, y: u32, record: Record) {
         self.points += 1;
         let height = of_record(&record);
         self.lowest = self.lowest.min(height);
         self.highest = self.highest.max(height);
-        self.insert(x, y, record);
+        self.insert(column_index(x, y), record);
+    }
+
+    /// Takes in points: their columns ([`column_index`]), heights, classes and flags, and on demand the record of the
+    /// point at an index. Equal to [`Columns::add`] of each.
+    pub fn add_all(
+        &mut self,
+        columns: &[u16],
+        heights: &[Height],
+        classes: &[u8],
+        flags: &[u8],
+        record: impl Fn(usize) -> Record,
+    ) {
+        self.points += columns.len() as u64;
+        self.lowest = heights.iter().fold(self.lowest, |low, &h| low.min(h));
+        self.highest = heights.iter().fold(self.highest, |high, &h| high.max(h));
+        let points = columns.iter().zip(heights).zip(classes.iter().zip(flags));
+        for (i, ((&column, &height), (&class, &flags))) in points.enumerate() {
+            // Most points lie below one of their class; their other attributes are not asked for.
+            if let Some(block) = &mut self.blocks[usize::from(column) / BLOCK_COLUMNS] {
+                let best = &mut block[usize::from(column) % BLOCK_COLUMNS].record;
+                if best.class() == class
+                    && (best.flags() ^ flags) & FLAG_WITHHELD == 0
+                    && bias(height) < best.0[0]
+                {
+                    continue;
+                }
+            }
+            self.insert(column, record(i));
+        }
     }
 
     #[inline]
-    fn insert(&mut self, x: u32, y: u32, record: Record) {
-        let (block, column) = place(x, y);
-        let block = match &mut self.blocks[block] {
+    fn insert(&mut self, column: u16, record: Record) {
+        let block = match &mut self.blocks[usize::from(column) / BLOCK_COLUMNS] {
             Some(block) => block,
             empty => {
                 self.occupied_blocks += 1;
                 empty.insert(Box::new([NO_BEST; BLOCK_COLUMNS]))
             }
         };
-        let first = &mut block[column];
+        let first = &mut block[usize::from(column) % BLOCK_COLUMNS];
         if first.record.is_empty() {
             first.record = record;
             self.runs += 1;
@@ -183,7 +209,7 @@ impl Columns {
         parent.highest = parent.highest.max(self.highest);
         self.columns(|x, y, records| {
             for &record in records.iter() {
-                parent.insert(x0 + x / 2, y0 + y / 2, record);
+                parent.insert(column_index(x0 + x / 2, y0 + y / 2), record);
             }
         });
     }
@@ -599,12 +625,12 @@ mod tests {
         columns.columns(|x, y, records| {
             records.sort_unstable_by(|a, b| b.cmp(a));
             records.truncate(MOST_RUNS);
-            let (block, column) = place(x, y);
+            let count_at = usize::from(column_index(x, y));
+            let block = count_at / BLOCK_COLUMNS;
             if next_block <= block {
                 words[layout.blocks as usize..][next_block..=block].fill(run);
                 next_block = block + 1;
             }
-            let count_at = block * BLOCK_COLUMNS + column;
             words[layout.counts as usize + count_at / 4] |= (records.len() as u32) << (8 * (count_at % 4));
             for record in records.iter() {
                 let code_word = code.encode(of_record(record));
@@ -739,7 +765,7 @@ mod tests {
         columns.add(255, 255, record(50, 2, 0));
         let packed = columns.pack();
         let l = packed.layout;
-        let (block, column) = place(9, 8);
+        let (block, column) = (33, 1);
         assert_eq!(packed.words[l.blocks as usize + block], 0);
         assert_eq!(packed.words[l.blocks as usize + SECTION_BLOCKS - 1], 3);
         let count = packed.words[l.counts as usize + (block * 64 + column) / 4] >> (8 * (column % 4)) & 0xFF;

@@ -29,6 +29,23 @@ impl Meaning for Input {
         self.placement.place(e, n, u)
     }
 
+    fn world_of_many(&self, block: &PointBlock, first: usize, [e, n, u]: [&mut [f64]; 3]) {
+        let h = &self.file.header;
+        let axes = [
+            (&mut *e, &block.x, h.scale.x, h.offset.x),
+            (&mut *n, &block.y, h.scale.y, h.offset.y),
+            (&mut *u, &block.z, h.scale.z, h.offset.z),
+        ];
+        for (to, raw, scale, offset) in axes {
+            to.iter_mut().zip(&raw[first..]).for_each(|(to, &raw)| *to = f64::from(raw) * scale + offset);
+        }
+        if !self.placement.is_identity() {
+            for ((e, n), u) in e.iter_mut().zip(n).zip(u) {
+                (*e, *n, *u) = self.placement.place(*e, *n, *u).into();
+            }
+        }
+    }
+
     #[inline]
     fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3] {
         block.rgb.get(i).map_or([0; 3], |&rgb| self.rgb.to_8_bit(rgb))
