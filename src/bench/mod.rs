@@ -1,0 +1,4 @@
+//! What `lasray bench` measures.
+
+mod cache;
+pub mod ingest;
