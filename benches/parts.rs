@@ -61,7 +61,7 @@ fn binning(c: &mut Criterion) {
     let input = Input { file, placement: Placement::AsIs, rgb: RgbDepth::Sixteen };
     let mut group = c.benchmark_group("bin");
     group.throughput(Throughput::Elements(POINTS)).sample_size(20);
-    for cell in [0.25, 1.0] {
+    for cell in [0.25, 0.3, 1.0] {
         group.bench_function(format!("cells of {cell} m"), |b| {
             let mut binner = Binner::default();
             let corner = input.file.header.min;

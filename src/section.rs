@@ -84,31 +84,13 @@ impl Columns {
         self.insert(column_index(x, y), record);
     }
 
-    /// Takes in points: their columns ([`column_index`]), heights, classes and flags, and on demand the record of the
-    /// point at an index. Equal to [`Columns::add`] of each.
-    pub fn add_all(
-        &mut self,
-        columns: &[u16],
-        heights: &[Height],
-        classes: &[u8],
-        flags: &[u8],
-        record: impl Fn(usize) -> Record,
-    ) {
+    /// Takes in points: their columns ([`column_index`]), their heights, and the record of the point at an index.
+    /// Equal to [`Columns::add`] of each.
+    pub fn add_all(&mut self, columns: &[u16], heights: &[Height], record: impl Fn(usize) -> Record) {
         self.points += columns.len() as u64;
         self.lowest = heights.iter().fold(self.lowest, |low, &h| low.min(h));
         self.highest = heights.iter().fold(self.highest, |high, &h| high.max(h));
-        let points = columns.iter().zip(heights).zip(classes.iter().zip(flags));
-        for (i, ((&column, &height), (&class, &flags))) in points.enumerate() {
-            // Most points lie below one of their class; their other attributes are not asked for.
-            if let Some(block) = &mut self.blocks[usize::from(column) / BLOCK_COLUMNS] {
-                let best = &mut block[usize::from(column) % BLOCK_COLUMNS].record;
-                if best.class() == class
-                    && (best.flags() ^ flags) & FLAG_WITHHELD == 0
-                    && bias(height) < best.0[0]
-                {
-                    continue;
-                }
-            }
+        for (i, &column) in columns.iter().enumerate() {
             self.insert(column, record(i));
         }
     }

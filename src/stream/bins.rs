@@ -271,15 +271,10 @@ impl Binner {
             };
             for run in &self.order[self.starts[section] as usize..self.starts[section + 1] as usize] {
                 let of_piece = run.first as usize..run.end as usize;
-                let of_block = first + of_piece.start..first + of_piece.end;
-                let (start, heights) = (of_block.start, &self.heights[of_piece.clone()]);
-                columns.add_all(
-                    &self.columns[of_piece],
-                    heights,
-                    &block.class[of_block.clone()],
-                    &block.flags[of_block],
-                    |i| record(meaning, block, start + i, heights[i]),
-                );
+                let (start, heights) = (first + of_piece.start, &self.heights[of_piece.clone()]);
+                columns.add_all(&self.columns[of_piece], heights, |i| {
+                    record(meaning, block, start + i, heights[i])
+                });
             }
             grown[0] += columns.bytes() as i64 - before[0];
             grown[1] += slot_bytes(columns.device_bytes()) as i64 - before[1];
