@@ -3,7 +3,7 @@
 //! `cargo bench --bench ingest [-- [--cold] [--cell C] [--runs N] [FILE | POINTS]...]` (default 20M); files are made in
 //! a temporary folder and removed. With several numbers of points, each after the other.
 
-use lasray::bench::ingest::{IngestOptions, run};
+use lasray::bench::ingest::{Ingest, IngestOptions, run};
 
 fn main() -> anyhow::Result<()> {
     let mut options = IngestOptions { cell: Some(1.0), cold: false, ..IngestOptions::default() };
@@ -43,8 +43,10 @@ fn main() -> anyhow::Result<()> {
         "skipped",
         "gain"
     );
+    let mut smaller = Vec::<Ingest>::new();
     for points in sizes {
-        for row in run(&IngestOptions { points, ..options.clone() }, &mut |_| ())? {
+        let rows = run(&IngestOptions { points, ..options.clone() }, &mut |_| ())?;
+        for row in &rows {
             let percent = |share: f64| format!("{:.0} %", 100.0 * share);
             println!(
                 "{:<28} {:>3} {:>9} {:>2} {:>4} | {:>7.2} {:>7.1} {:>7.2} {:>6} | {:>5} {:>6} {:>7} | {:>10} {:>7} {:>6} {}",
@@ -63,9 +65,19 @@ fn main() -> anyhow::Result<()> {
                 row.all_layers_mpts_s.map_or("-".into(), |r| format!("{r:.2}")),
                 row.skipped_bytes_share.map_or("-".into(), percent),
                 row.gain_of_skipping().map_or("-".into(), |g| format!("{g:.2}")),
-                row.note.unwrap_or_default(),
+                row.note.as_deref().unwrap_or_default(),
             );
         }
+        for (few, many) in smaller.iter().zip(&rows) {
+            let seconds = |row: &Ingest| row.points as f64 / row.total_mpts_s;
+            let (file, times) = (&few.file, many.points as f64 / few.points as f64);
+            println!(
+                "{file}, {} threads: {times} times the points, {:.2} times the time",
+                few.threads,
+                seconds(many) / seconds(few)
+            );
+        }
+        smaller = rows;
     }
     Ok(())
 }
