@@ -73,6 +73,13 @@ impl Record {
         })
     }
 
+    /// A number of the same order; 0 for an empty record.
+    #[inline]
+    pub fn as_number(self) -> u128 {
+        let [w0, w1, w2] = self.0.map(u128::from);
+        w0 << 64 | w1 << 32 | w2
+    }
+
     /// No point.
     #[inline]
     pub fn is_empty(self) -> bool {
@@ -100,7 +107,7 @@ impl Record {
 
 /// Height as an unsigned number of the same order; 0 is left free, since `Height` is never `i32::MIN`.
 #[inline]
-fn bias(height: Height) -> u32 {
+pub(crate) fn bias(height: Height) -> u32 {
     height.0 as u32 ^ 0x8000_0000
 }
 

@@ -108,7 +108,7 @@ fn spans(bounds: &Bounds) -> [f64; 2] {
 }
 
 /// `chosen`, or the smallest power of two above it whose grid holds the data.
-fn auto_cell(chosen: f64, bounds: &Bounds) -> Result<f64, LoadError> {
+pub(crate) fn auto_cell(chosen: f64, bounds: &Bounds) -> Result<f64, LoadError> {
     let [extent, reach] = spans(bounds);
     let least = (extent / EXTENT_CELLS).max(reach / REACH_CELLS);
     if least > 1e15 || !extent.is_finite() {
@@ -118,7 +118,7 @@ fn auto_cell(chosen: f64, bounds: &Bounds) -> Result<f64, LoadError> {
 }
 
 /// The grid of `cell`, anchored near the data so that cells are counted in i32.
-fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
+pub(crate) fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
     let [extent, reach] = spans(bounds);
     let limits = [("an extent of", extent, EXTENT_CELLS), ("coordinates of", reach, REACH_CELLS)];
     for (what, length, most) in limits {
@@ -134,7 +134,7 @@ fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
 }
 
 /// Cells that the data lies in: the bounds, and as much again on every side.
-fn core(cell: f64, bounds: &Bounds) -> [std::ops::Range<i64>; 2] {
+pub(crate) fn core(cell: f64, bounds: &Bounds) -> [std::ops::Range<i64>; 2] {
     let size = (bounds.max - bounds.min).truncate().max_element().max(1000.0 * cell);
     [(bounds.min.x, bounds.max.x), (bounds.min.y, bounds.max.y)]
         .map(|(lo, hi)| ((lo - size) / cell).floor() as i64..((hi + size) / cell).ceil() as i64)

@@ -4,7 +4,7 @@
 //! (column, class) is kept by an order-free maximum. [`Columns::pack`] turns it into the one buffer that is
 //! uploaded: a header, block offsets, counts and runs; the words after them are derived on the device.
 
-use crate::attribute::Record;
+use crate::attribute::{Record, bias};
 use crate::coords::{Height, SECTION_COLUMNS, SECTION_LOG2, SECTION_SIDE};
 use crate::source::FLAG_WITHHELD;
 
@@ -21,7 +21,7 @@ const BLOCKS_SIDE: u32 = SECTION_SIDE >> BLOCK_LOG2;
 #[derive(Clone, Copy)]
 struct Best {
     record: Record,
-    /// Index into `Columns::more` plus one; 0 ends the chain.
+    /// Index into `Columns::more`; 0 ends the chain.
     next: u32,
 }
 
@@ -40,10 +40,12 @@ fn same_run(a: Record, b: Record) -> bool {
 pub struct Columns {
     /// Row-major over the section's blocks.
     blocks: Box<[Option<Box<[Best; BLOCK_COLUMNS]>>]>,
+    /// Further classes of columns; the first is empty and the end of every chain.
     more: Vec<Best>,
     points: u64,
     occupied_blocks: usize,
-    occupied_columns: usize,
+    /// Runs that the device will hold: at most [`MOST_RUNS`] a column.
+    runs: u32,
     /// Of all points ever, so that it does not depend on which of them were kept meanwhile.
     lowest: Height,
     highest: Height,
@@ -53,51 +55,59 @@ impl Default for Columns {
     fn default() -> Self {
         Columns {
             blocks: (0..SECTION_BLOCKS).map(|_| None).collect(),
-            more: Vec::new(),
+            more: vec![NO_BEST],
             points: 0,
             occupied_blocks: 0,
-            occupied_columns: 0,
+            runs: 0,
             lowest: Height(i32::MAX),
             highest: Height(i32::MIN),
         }
     }
 }
 
-/// Block index and column within the block of the column at (x, y), both 0..256, counted from the south-west.
+/// Index in block order (block · 64 + column in it) of the column at (x, y), both 0..256, counted from the south-west.
 #[inline]
-fn place(x: u32, y: u32) -> (usize, usize) {
+pub fn column_index(x: u32, y: u32) -> u16 {
     let mask = (1 << BLOCK_LOG2) - 1;
     let block = (y >> BLOCK_LOG2) * BLOCKS_SIDE + (x >> BLOCK_LOG2);
-    let column = ((y & mask) << BLOCK_LOG2) | (x & mask);
-    (block as usize, column as usize)
+    (block << (2 * BLOCK_LOG2) | (y & mask) << BLOCK_LOG2 | (x & mask)) as u16
 }
 
 impl Columns {
     /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its class.
     /// The result does not depend on the order of calls.
-    #[inline]
     pub fn add(&mut self, x: u32, y: u32, record: Record) {
         self.points += 1;
         let height = of_record(&record);
         self.lowest = self.lowest.min(height);
         self.highest = self.highest.max(height);
-        self.insert(x, y, record);
+        self.insert(column_index(x, y), record);
+    }
+
+    /// Takes in points: their columns ([`column_index`]), their heights, and the record of the point at an index.
+    /// Equal to [`Columns::add`] of each.
+    pub fn add_all(&mut self, columns: &[u16], heights: &[Height], record: impl Fn(usize) -> Record) {
+        self.points += columns.len() as u64;
+        self.lowest = heights.iter().fold(self.lowest, |low, &h| low.min(h));
+        self.highest = heights.iter().fold(self.highest, |high, &h| high.max(h));
+        for (i, &column) in columns.iter().enumerate() {
+            self.insert(column, record(i));
+        }
     }
 
     #[inline]
-    fn insert(&mut self, x: u32, y: u32, record: Record) {
-        let (block, column) = place(x, y);
-        let block = match &mut self.blocks[block] {
+    fn insert(&mut self, column: u16, record: Record) {
+        let block = match &mut self.blocks[usize::from(column) / BLOCK_COLUMNS] {
             Some(block) => block,
             empty => {
                 self.occupied_blocks += 1;
                 empty.insert(Box::new([NO_BEST; BLOCK_COLUMNS]))
             }
         };
-        let first = &mut block[column];
+        let first = &mut block[usize::from(column) % BLOCK_COLUMNS];
         if first.record.is_empty() {
             first.record = record;
-            self.occupied_columns += 1;
+            self.runs += 1;
             return;
         }
         if same_run(first.record, record) {
@@ -108,8 +118,9 @@ impl Columns {
         }
         // Further classes of a column hang in a chain; columns rarely hold more than three.
         let mut at = first.next;
+        let mut runs = 1;
         while at != 0 {
-            let other = &mut self.more[at as usize - 1];
+            let other = &mut self.more[at as usize];
             if same_run(other.record, record) {
                 if record > other.record {
                     other.record = record;
@@ -117,9 +128,11 @@ impl Columns {
                 return;
             }
             at = other.next;
+            runs += 1;
         }
+        self.runs += u32::from(runs < MOST_RUNS);
         self.more.push(Best { record, next: first.next });
-        first.next = self.more.len() as u32;
+        first.next = self.more.len() as u32 - 1;
     }
 
     /// Points taken in so far.
@@ -131,12 +144,17 @@ impl Columns {
     pub fn bytes(&self) -> usize {
         SECTION_BLOCKS * size_of::<Option<Box<[Best; BLOCK_COLUMNS]>>>()
             + self.occupied_blocks * size_of::<[Best; BLOCK_COLUMNS]>()
-            + self.more.len() * size_of::<Best>()
+            + (self.more.len() - 1) * size_of::<Best>()
     }
 
     /// Bytes of device memory the section will take.
     pub fn device_bytes(&self) -> u64 {
-        Layout::new((self.occupied_columns + self.more.len()) as u32, self.code()).device_bytes()
+        self.layout().device_bytes()
+    }
+
+    /// Where each part of the packed section starts.
+    pub fn layout(&self) -> Layout {
+        Layout::new(self.runs, self.code())
     }
 
     fn code(&self) -> HeightCode {
@@ -156,13 +174,7 @@ impl Columns {
                     continue;
                 }
                 records.clear();
-                records.push(first.record);
-                let mut at = first.next;
-                while at != 0 {
-                    let other = self.more[at as usize - 1];
-                    records.push(other.record);
-                    at = other.next;
-                }
+                records.extend(chain(*first, &self.more));
                 let c = c as u32;
                 each((bx << BLOCK_LOG2) + (c & mask), (by << BLOCK_LOG2) + (c >> BLOCK_LOG2), &mut records);
             }
@@ -179,58 +191,237 @@ impl Columns {
         parent.highest = parent.highest.max(self.highest);
         self.columns(|x, y, records| {
             for &record in records.iter() {
-                parent.insert(x0 + x / 2, y0 + y / 2, record);
+                parent.insert(column_index(x0 + x / 2, y0 + y / 2), record);
             }
         });
     }
 
-    /// Packs the section into its uploaded form.
+    /// Packs the section into memory of its own.
     pub fn pack(&self) -> Packed {
-        let mut runs = 0usize;
-        let mut highest_of = Vec::<(u8, bool, Height)>::new();
-        self.columns(|_, _, records| {
-            runs += records.len().min(MOST_RUNS);
-            for record in records.iter() {
-                let height = of_record(record);
-                let withheld = record.flags() & FLAG_WITHHELD != 0;
-                match highest_of.iter_mut().find(|(c, w, _)| *c == record.class() && *w == withheld) {
-                    Some((_, _, h)) => *h = height.max(*h),
-                    None => highest_of.push((record.class(), withheld, height)),
-                }
-            }
-        });
-        let code = self.code();
-        let layout = Layout::new(runs as u32, code);
-        let mut words = vec![0u32; layout.uploaded_words as usize];
-        layout.write_header(&mut words);
-
-        let (mut run, mut next_block) = (0u32, 0usize);
-        self.columns(|x, y, records| {
-            records.sort_unstable_by(|a, b| b.cmp(a));
-            records.truncate(MOST_RUNS);
-            let (block, column) = place(x, y);
-            // Blocks between the last one and this one hold nothing: their first run is the next one.
-            if next_block <= block {
-                words[layout.blocks as usize..][next_block..=block].fill(run);
-                next_block = block + 1;
-            }
-            let count_at = block * BLOCK_COLUMNS + column;
-            words[layout.counts as usize + count_at / 4] |= (records.len() as u32) << (8 * (count_at % 4));
-            for record in records.iter() {
-                let code_word = code.encode(of_record(record));
-                if code.wide {
-                    words[(layout.heights + run) as usize] = code_word;
-                } else {
-                    words[(layout.heights + run / 2) as usize] |= code_word << (16 * (run % 2));
-                }
-                let attributes = (layout.attributes + 2 * run) as usize;
-                words[attributes..attributes + 2].copy_from_slice(&record.0[1..]);
-                run += 1;
-            }
-        });
-        words[layout.blocks as usize..][next_block..SECTION_BLOCKS].fill(run);
+        let layout = self.layout();
+        let mut words = vec![0; layout.uploaded_words as usize];
+        let highest_of = self.pack_into(&mut words);
         Packed { words, layout, points: self.points, highest_of }
     }
+
+    /// Packs the section into the front of `words`, which has room for [`Layout::uploaded_words`]; gives the highest
+    /// record of each (class, withheld) present.
+    ///
+    /// Each word is written once, front to back within each part, and none is read: the memory may be write-combined.
+    pub fn pack_into(&self, words: &mut [u32]) -> Vec<(u8, bool, Height)> {
+        let layout = self.layout();
+        let (header, rest) = words[..layout.uploaded_words as usize].split_at_mut(layout.blocks as usize);
+        let (first_runs, rest) = rest.split_at_mut(SECTION_BLOCKS);
+        let (counts, rest) = rest.split_at_mut(SECTION_COLUMNS / 4);
+        let (heights, attributes) = rest.split_at_mut((layout.attributes - layout.heights) as usize);
+        header.copy_from_slice(&layout.header());
+        let mut runs = Runs {
+            code: layout.code,
+            heights,
+            attributes: attributes.as_chunks_mut().0,
+            half: None,
+            written: 0,
+            highest: [0; 512],
+        };
+        let mut chains = Chains::default();
+        for ((block, first_run), counts) in
+            self.blocks.iter().zip(first_runs).zip(counts.as_chunks_mut::<{ BLOCK_COLUMNS / 4 }>().0)
+        {
+            *first_run = runs.written;
+            let of_column = match block {
+                None => [0; BLOCK_COLUMNS],
+                Some(block) => match runs.put_single(block) {
+                    Some(counts) => counts,
+                    None => chains.put(block, &self.more, &mut runs),
+                },
+            };
+            *counts =
+                std::array::from_fn(|w| u32::from_le_bytes(std::array::from_fn(|c| of_column[4 * w + c])));
+        }
+        runs.finish()
+    }
+}
+
+/// Writes runs one behind the other.
+struct Runs<'w> {
+    code: HeightCode,
+    /// What is left to write.
+    heights: &'w mut [u32],
+    attributes: &'w mut [[u32; 2]],
+    /// A code of 16 bits whose word is not full.
+    half: Option<u32>,
+    written: u32,
+    /// First word of the highest record of each class, withheld or not: `class << 1 | withheld`.
+    highest: [u32; 512],
+}
+
+impl Runs<'_> {
+    /// Writes a block if no column has more than one run; gives the counts.
+    #[inline]
+    fn put_single(&mut self, block: &[Best; BLOCK_COLUMNS]) -> Option<[u8; BLOCK_COLUMNS]> {
+        let mut heights = [0; BLOCK_COLUMNS];
+        let mut attributes = [[0; 2]; BLOCK_COLUMNS];
+        let mut counts = [0; BLOCK_COLUMNS];
+        let (mut n, mut chained) = (0, 0);
+        for (best, count) in block.iter().zip(&mut counts) {
+            let [h, w1, w2] = best.record.0;
+            // An empty column is written over by the next.
+            heights[n % BLOCK_COLUMNS] = h;
+            attributes[n % BLOCK_COLUMNS] = [w1, w2];
+            *count = u8::from(h != 0);
+            n += usize::from(h != 0);
+            chained |= best.next;
+        }
+        if chained != 0 {
+            return None;
+        }
+        self.put(&heights[..n], &attributes[..n]);
+        Some(counts)
+    }
+
+    /// Keeps the highest of each class.
+    #[inline]
+    fn see(&mut self, heights: &[u32], attributes: &[[u32; 2]]) {
+        const WITHHELD: u32 = FLAG_WITHHELD as u32;
+        for (&h, &[w1, w2]) in heights.iter().zip(attributes) {
+            let highest = &mut self.highest[(w1 >> 24 << 1 | u32::from(w2 & WITHHELD != 0)) as usize];
+            // Seldom stored, so that one point does not wait for the last.
+            if h > *highest {
+                *highest = h;
+            }
+        }
+    }
+
+    /// Writes runs: first words of their records, and the other two.
+    #[inline]
+    fn put(&mut self, mut heights: &[u32], attributes: &[[u32; 2]]) {
+        let n = heights.len();
+        self.see(heights, attributes);
+        self.written += n as u32;
+        let (to, rest) = std::mem::take(&mut self.attributes).split_at_mut(n);
+        to.copy_from_slice(attributes);
+        self.attributes = rest;
+
+        let base = bias(Height(self.code.base));
+        if self.code.wide {
+            let (to, rest) = std::mem::take(&mut self.heights).split_at_mut(n);
+            to.iter_mut().zip(heights).for_each(|(to, &h)| *to = h.wrapping_sub(base));
+            self.heights = rest;
+            return;
+        }
+        if let (Some(low), [first, others @ ..]) = (self.half, heights) {
+            let (to, rest) = std::mem::take(&mut self.heights).split_first_mut().expect("a word a pair");
+            *to = low | first.wrapping_sub(base) << 16;
+            (self.heights, self.half, heights) = (rest, None, others);
+        }
+        let (pairs, odd) = heights.as_chunks::<2>();
+        let (to, rest) = std::mem::take(&mut self.heights).split_at_mut(pairs.len());
+        for (to, &[low, high]) in to.iter_mut().zip(pairs) {
+            *to = low.wrapping_sub(base) | high.wrapping_sub(base) << 16;
+        }
+        self.heights = rest;
+        if let [h] = odd {
+            self.half = Some(h.wrapping_sub(base));
+        }
+    }
+
+    /// Writes what is left; gives the highest of each (class, withheld).
+    fn finish(self) -> Vec<(u8, bool, Height)> {
+        if let (Some(low), [last]) = (self.half, self.heights) {
+            *last = low;
+        }
+        let present = self.highest.iter().enumerate().filter(|(_, h)| **h != 0);
+        present.map(|(key, &h)| ((key >> 1) as u8, key & 1 != 0, Height((h ^ 0x8000_0000) as i32))).collect()
+    }
+}
+
+/// Runs of a column that are sorted without branches.
+const FEW_RUNS: usize = 4;
+
+/// Scratch for blocks with chains.
+struct Chains {
+    heights: [u32; BLOCK_COLUMNS * FEW_RUNS],
+    attributes: [[u32; 2]; BLOCK_COLUMNS * FEW_RUNS],
+    column: Vec<Record>,
+}
+
+impl Default for Chains {
+    fn default() -> Chains {
+        const MOST: usize = BLOCK_COLUMNS * FEW_RUNS;
+        Chains { heights: [0; MOST], attributes: [[0; 2]; MOST], column: Vec::new() }
+    }
+}
+
+impl Chains {
+    /// Writes a block; gives the counts.
+    fn put(&mut self, block: &[Best; BLOCK_COLUMNS], more: &[Best], runs: &mut Runs) -> [u8; BLOCK_COLUMNS] {
+        let mut n = 0;
+        let mut counts = [0; BLOCK_COLUMNS];
+        for (first, count) in block.iter().zip(&mut counts) {
+            if first.next == 0 {
+                // What is empty is written over by the next column.
+                let [h, w1, w2] = first.record.0;
+                self.heights[n] = h;
+                self.attributes[n] = [w1, w2];
+                *count = u8::from(h != 0);
+                n += usize::from(h != 0);
+                continue;
+            }
+            // The end of a chain is followed by itself, which is empty.
+            let second = more[first.next as usize];
+            let third = more[second.next as usize];
+            let fourth = more[third.next as usize];
+            if fourth.next != 0 {
+                runs.put(&self.heights[..n], &self.attributes[..n]);
+                n = 0;
+                *count = self.put_long(*first, more, runs);
+                continue;
+            }
+            let records = sorted([first, &second, &third, &fourth].map(|best| best.record.as_number()));
+            // What is empty comes last.
+            let of_column = n..n + FEW_RUNS;
+            let heights = &mut self.heights[of_column.clone()];
+            heights.iter_mut().zip(records).for_each(|(to, r)| *to = (r >> 64) as u32);
+            let attributes = &mut self.attributes[of_column];
+            attributes.iter_mut().zip(records).for_each(|(to, r)| *to = [(r >> 32) as u32, r as u32]);
+            let held = 2 + usize::from(second.next != 0) + usize::from(third.next != 0);
+            *count = held as u8;
+            n += held;
+        }
+        runs.put(&self.heights[..n], &self.attributes[..n]);
+        counts
+    }
+
+    /// Writes a column with more than [`FEW_RUNS`]; gives its count.
+    #[cold]
+    fn put_long(&mut self, first: Best, more: &[Best], runs: &mut Runs) -> u8 {
+        self.column.clear();
+        self.column.extend(chain(first, more));
+        self.column.sort_unstable_by(|a, b| b.cmp(a));
+        let (kept, rest) = self.column.split_at(self.column.len().min(MOST_RUNS));
+        for record in kept {
+            runs.put(&record.0[..1], &[[record.0[1], record.0[2]]]);
+        }
+        for record in rest {
+            runs.see(&record.0[..1], &[[record.0[1], record.0[2]]]);
+        }
+        kept.len() as u8
+    }
+}
+
+/// A sorting network: largest first.
+#[inline]
+fn sorted(mut n: [u128; FEW_RUNS]) -> [u128; FEW_RUNS] {
+    for (a, b) in [(0, 1), (2, 3), (0, 2), (1, 3), (1, 2)] {
+        (n[a], n[b]) = if n[a] < n[b] { (n[b], n[a]) } else { (n[a], n[b]) };
+    }
+    n
+}
+
+/// Records of a column.
+fn chain(first: Best, more: &[Best]) -> impl Iterator<Item = Record> {
+    let next = |best: &Best| (best.next != 0).then(|| more[best.next as usize]);
+    std::iter::successors(Some(first), next).map(|best| best.record)
 }
 
 /// Height of a record that is not empty.
@@ -261,6 +452,7 @@ impl HeightCode {
         HeightCode { base: base.max(i32::MIN.into()) as i32, wide: spare < 0 }
     }
 
+    #[cfg(test)]
     fn encode(self, height: Height) -> u32 {
         (i64::from(height.0) - i64::from(self.base)) as u32
     }
@@ -334,9 +526,9 @@ impl Layout {
         }
     }
 
-    fn write_header(&self, words: &mut [u32]) {
+    fn header(&self) -> [u32; HEADER_WORDS as usize] {
         let code = u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
-        words[..HEADER_WORDS as usize].copy_from_slice(&[
+        [
             KIND_COLUMNS,
             self.words,
             code,
@@ -353,7 +545,7 @@ impl Layout {
             0,
             0,
             0,
-        ]);
+        ]
     }
 
     /// Bytes of device memory the payload takes.
@@ -381,6 +573,7 @@ pub struct Packed {
 mod tests {
     use super::*;
     use crate::attribute::Attributes;
+    use proptest::prelude::*;
 
     fn record(h: i32, class: u8, flags: u8) -> Record {
         Record::pack(Attributes {
@@ -391,6 +584,104 @@ mod tests {
             returns: 0x11,
             flags,
         })
+    }
+
+    /// Packing as it is specified: in two passes over all columns, in any order of writes.
+    fn pack_plainly(columns: &Columns) -> (Vec<u32>, Vec<(u8, bool, Height)>) {
+        let mut runs = 0usize;
+        let mut highest_of = Vec::<(u8, bool, Height)>::new();
+        columns.columns(|_, _, records| {
+            runs += records.len().min(MOST_RUNS);
+            for record in records.iter() {
+                let height = of_record(record);
+                let withheld = record.flags() & FLAG_WITHHELD != 0;
+                match highest_of.iter_mut().find(|(c, w, _)| *c == record.class() && *w == withheld) {
+                    Some((_, _, h)) => *h = height.max(*h),
+                    None => highest_of.push((record.class(), withheld, height)),
+                }
+            }
+        });
+        highest_of.sort();
+        let code = columns.code();
+        let layout = Layout::new(runs as u32, code);
+        let mut words = vec![0u32; layout.uploaded_words as usize];
+        words[..HEADER_WORDS as usize].copy_from_slice(&layout.header());
+        let (mut run, mut next_block) = (0u32, 0usize);
+        columns.columns(|x, y, records| {
+            records.sort_unstable_by(|a, b| b.cmp(a));
+            records.truncate(MOST_RUNS);
+            let count_at = usize::from(column_index(x, y));
+            let block = count_at / BLOCK_COLUMNS;
+            if next_block <= block {
+                words[layout.blocks as usize..][next_block..=block].fill(run);
+                next_block = block + 1;
+            }
+            words[layout.counts as usize + count_at / 4] |= (records.len() as u32) << (8 * (count_at % 4));
+            for record in records.iter() {
+                let code_word = code.encode(of_record(record));
+                if code.wide {
+                    words[(layout.heights + run) as usize] = code_word;
+                } else {
+                    words[(layout.heights + run / 2) as usize] |= code_word << (16 * (run % 2));
+                }
+                let attributes = (layout.attributes + 2 * run) as usize;
+                words[attributes..attributes + 2].copy_from_slice(&record.0[1..]);
+                run += 1;
+            }
+        });
+        words[layout.blocks as usize..][next_block..SECTION_BLOCKS].fill(run);
+        (words, highest_of)
+    }
+
+    /// Into memory that holds rubbish, which must be gone, and no further than it should.
+    fn check_packing(columns: &Columns) {
+        let (words, highest_of) = pack_plainly(columns);
+        for rubbish in [0xDEAD_BEEF, !0] {
+            let mut ring = vec![rubbish; words.len() + 3];
+            assert_eq!(columns.pack_into(&mut ring), highest_of);
+            assert_eq!(columns.layout().uploaded_words as usize, words.len());
+            assert!(ring[..words.len()] == words);
+            assert!(ring[words.len()..] == [rubbish; 3]);
+        }
+        assert!(columns.pack().words == words);
+    }
+
+    #[test]
+    fn packing_is_as_specified_where_it_is_hard() {
+        check_packing(&Columns::default());
+        // More runs than a count holds, in two columns: 512 of 256 classes, withheld or not.
+        let mut columns = Columns::default();
+        for k in 0..512 {
+            let r = record(k * 37 % 1009, (k % 256) as u8, if k < 256 { 0 } else { FLAG_WITHHELD });
+            columns.add(3, 200, r);
+            columns.add(77, 5, r);
+            columns.add(k as u32 % 256, 99, r);
+        }
+        assert_eq!(columns.layout().runs, 2 * 255 + 512);
+        check_packing(&columns);
+        // Every column once.
+        let mut full = Columns::default();
+        for k in 0..SECTION_COLUMNS as u32 {
+            full.add(k % 256, k / 256, record((k * 31 % 4001) as i32, 2, 0));
+        }
+        check_packing(&full);
+    }
+
+    proptest! {
+        #[test]
+        fn packing_is_as_specified(
+            points in prop::collection::vec(
+                (0u32..256, 0u32..256, -1000..1000, 0u8..7, 0u8..16), 0..3000),
+            crowd in 1u32..=256,
+            // 60 units of relief are 16 bits, 200 are not.
+            step in prop::sample::select(vec![1, 30, 100]),
+        ) {
+            let mut columns = Columns::default();
+            for (x, y, h, class, flags) in points {
+                columns.add(x % crowd, y % crowd, record(h * step, class, flags));
+            }
+            check_packing(&columns);
+        }
     }
 
     #[test]
@@ -459,7 +750,7 @@ mod tests {
         columns.add(255, 255, record(50, 2, 0));
         let packed = columns.pack();
         let l = packed.layout;
-        let (block, column) = place(9, 8);
+        let (block, column) = (33, 1);
         assert_eq!(packed.words[l.blocks as usize + block], 0);
         assert_eq!(packed.words[l.blocks as usize + SECTION_BLOCKS - 1], 3);
         let count = packed.words[l.counts as usize + (block * 64 + column) / 4] >> (8 * (column % 4)) & 0xFF;

@@ -65,6 +65,32 @@ fn every_format_and_packing() {
     }
 }
 
+/// Layers that are skipped change nothing in those that are not, and are not read.
+#[test]
+fn layers_that_are_skipped_are_not_missed() {
+    for format in 6..=10 {
+        let mut skipped = 0;
+        for made in packings(format) {
+            let disk = on_disk(&made.bytes());
+            let file = LidarFile::open(&disk.path).unwrap();
+            for chunk in &file.chunks {
+                let [some, all] =
+                    [Decoder::default(), Decoder::default().with_all_layers()].map(|mut decoder| {
+                        let mut points = PointBlock::default();
+                        decoder
+                            .decode(&file, chunk, 0..chunk.records, &mut |block| append(&mut points, block))
+                            .unwrap();
+                        (points, decoder.bytes_read(&file, chunk).unwrap())
+                    });
+                assert!(some.0 == all.0, "format {format} {:?}", made.packing);
+                assert_eq!(all.1, chunk.byte_len);
+                skipped += all.1 - some.1;
+            }
+        }
+        assert!(skipped > 0, "format {format}");
+    }
+}
+
 #[test]
 fn a_range_of_a_chunk_is_that_range() {
     let packings = [

@@ -1,7 +1,14 @@
-//! The timing harness: the thesis' pipeline and ours on the same cells, the same camera paths, the same pixels.
+//! The timing harness: the thesis' pipeline and ours on the same cells, the same camera paths, the same pixels; and
+//! reading, decoding and binning beside decoding alone.
 
+mod cache;
 pub mod frames;
+pub mod ingest;
+#[cfg(feature = "embree")]
+pub mod peer;
+pub mod plot;
 pub mod pool;
+pub mod report;
 pub mod thesis;
 pub mod world;
 

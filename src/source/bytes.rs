@@ -2,12 +2,22 @@
 
 use super::SourceError;
 use std::{
+    cell::Cell,
     fs::File,
     io,
     path::{Path, PathBuf},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
-    time::SystemTime,
+    time::{Duration, Instant, SystemTime},
 };
+
+thread_local! {
+    static READING: Cell<Duration> = const { Cell::new(Duration::ZERO) };
+}
+
+/// How long the calling thread has spent in positioned reads since it started.
+pub fn time_reading() -> Duration {
+    READING.get()
+}
 
 #[cfg(unix)]
 #[path = "read_at_unix.rs"]
@@ -117,7 +127,14 @@ impl<'f> OpenFile<'f> {
     }
 
     /// Fills `buf` from `offset`; a file that ends early has changed since it was opened.
-    pub fn read_exact_at(&self, mut buf: &mut [u8], mut offset: u64) -> Result<(), SourceError> {
+    pub fn read_exact_at(&self, buf: &mut [u8], offset: u64) -> Result<(), SourceError> {
+        let start = Instant::now();
+        let result = self.read_all_at(buf, offset);
+        READING.set(READING.get() + start.elapsed());
+        result
+    }
+
+    fn read_all_at(&self, mut buf: &mut [u8], mut offset: u64) -> Result<(), SourceError> {
         while !buf.is_empty() {
             match read_at::read_at(&self.file, buf, offset) {
                 Ok(0) => {

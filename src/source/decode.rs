@@ -28,6 +28,7 @@ pub struct Decoder {
     input: Vec<u8>,
     block: PointBlock,
     layer_limit: u64,
+    all_layers: bool,
 }
 
 impl Default for Decoder {
@@ -40,7 +41,26 @@ impl Decoder {
     /// A decoder that refuses layered chunks with more than `layer_limit` bytes of layers: those are
     /// decoded in memory, everything else as a stream.
     pub fn new(layer_limit: u64) -> Decoder {
-        Decoder { raw: Vec::new(), input: Vec::new(), block: PointBlock::default(), layer_limit }
+        let (raw, input, block) = Default::default();
+        Decoder { raw, input, block, layer_limit, all_layers: false }
+    }
+
+    /// The same decoder, but one that reads and decodes layers too that no [`PointBlock`] stores: what skipping them
+    /// saves is measured against it.
+    pub fn with_all_layers(self) -> Decoder {
+        Decoder { all_layers: true, ..self }
+    }
+
+    /// Bytes of `chunk` that decoding reads: without the layers that no [`PointBlock`] stores.
+    pub fn bytes_read(&self, file: &LidarFile, chunk: &Chunk) -> Result<u64, SourceError> {
+        let layered = file.laszip.as_ref().is_some_and(|l| l.compressor == Compressor::Layered);
+        if !layered || self.all_layers {
+            return Ok(chunk.byte_len);
+        }
+        let layers =
+            ChunkLayers::read(&file.bytes.handle()?, &file.header, chunk.byte_offset, chunk.byte_len)?
+                .map_err(|reason| damage(file, chunk, &(0..chunk.records), 0, reason))?;
+        Ok(layers.head_len() + layers.needed_bytes(RecordLayout::of_layers(&file.header).rgb.is_some()))
     }
 
     /// Hands the points `records` (counted from the chunk's first, clamped to what it holds) of `chunk` to
@@ -144,15 +164,23 @@ impl Decoder {
         let handle = file.bytes.handle()?;
         let layers =
             ChunkLayers::read(&handle, &file.header, chunk.byte_offset, chunk.byte_len)?.map_err(bad)?;
-        let layout = RecordLayout::of_layers(&file.header);
-        let needed = layers.needed_bytes(layout.rgb.is_some());
+        let (layout, needed) = if self.all_layers {
+            (RecordLayout::of(&file.header), layers.byte_len())
+        } else {
+            let layout = RecordLayout::of_layers(&file.header);
+            (layout, layers.needed_bytes(layout.rgb.is_some()))
+        };
         if needed > self.layer_limit {
             return Err(bad(format!(
                 "its layers need {needed} bytes of memory, {} are allowed",
                 self.layer_limit
             )));
         }
-        let mut records = contain(|| Layered::new(handle, &laszip.items, layout, &layers)).map_err(bad)?;
+        let mut records = contain(|| match self.all_layers {
+            true => Layered::all(handle, &laszip.items, &layers),
+            false => Layered::new(handle, &laszip.items, layout, &layers),
+        })
+        .map_err(bad)?;
         let held = wanted.start.min(layers.records)..wanted.end.min(layers.records);
         self.decode_records(file, layout, chunk, held.clone(), &mut records, sink)?;
         if held.end < wanted.end {
@@ -339,6 +367,36 @@ impl<'f> Layered<'f> {
             }
         }
         Layered(inner)
+    }
+
+    /// The same with every layer; `items` have been checked to be of versions 3 and 4.
+    fn all(file: OpenFile<'f>, items: &[LazItem], layers: &ChunkLayers) -> Self {
+        use LazItemType::{Byte14, Point14, RGB14, RGBNIR14, WavePacket14};
+        let mut front = layers.first.clone();
+        front.extend((layers.records as u32).to_le_bytes());
+        front.extend(layers.sizes().iter().flat_map(|s| s.to_le_bytes()));
+        let ranges = [layers.range(), 0..0];
+        let mut to = LayeredPointRecordDecompressor::new(Splice { front: Cursor::new(front), file, ranges });
+        for item in items {
+            let (kind, old) = (item.item_type(), item.version() == 3);
+            match kind {
+                Point14 if old => to.add_field_decompressor(v3::LasPoint6Decompressor::default()),
+                Point14 => to.add_field_decompressor(v4::LasPoint6Decompressor::default()),
+                RGB14 | RGBNIR14 if old => to.add_field_decompressor(v3::LasRGBDecompressor::default()),
+                RGB14 | RGBNIR14 => to.add_field_decompressor(v4::LasRGBDecompressor::default()),
+                WavePacket14 if old => to.add_field_decompressor(v3::LasWavepacketDecompressor::default()),
+                WavePacket14 => to.add_field_decompressor(v4::LasWavepacketDecompressor::default()),
+                Byte14(n) if old => to.add_field_decompressor(v3::LasExtraByteDecompressor::new(n.into())),
+                Byte14(n) => to.add_field_decompressor(v4::LasExtraByteDecompressor::new(n.into())),
+                _ => unreachable!("item {kind:?} passed the checks"),
+            }
+            match kind {
+                RGBNIR14 if old => to.add_field_decompressor(v3::LasNIRDecompressor::default()),
+                RGBNIR14 => to.add_field_decompressor(v4::LasNIRDecompressor::default()),
+                _ => {}
+            }
+        }
+        Layered(to)
     }
 }
 

@@ -74,6 +74,21 @@ impl ChunkLayers {
         self.head_len + self.sizes.iter().map(|&s| u64::from(s)).sum::<u64>()
     }
 
+    /// Bytes in front of the layers.
+    pub fn head_len(&self) -> u64 {
+        self.head_len
+    }
+
+    /// Sizes of all layers.
+    pub fn sizes(&self) -> &[u32] {
+        &self.sizes
+    }
+
+    /// Where all layers lie in the file.
+    pub fn range(&self) -> Range<u64> {
+        self.start..self.start + self.byte_len() - self.head_len
+    }
+
     /// Sizes of the nine point layers with those set to 0 that are not wanted.
     pub fn wanted_sizes(&self) -> [u32; POINT_LAYERS] {
         std::array::from_fn(|i| if i < WANTED_LAYERS { self.sizes[i] } else { 0 })

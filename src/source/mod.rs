@@ -22,7 +22,7 @@ mod stream;
 mod vlr;
 mod wkt;
 
-pub use bytes::{FileBytes, OpenFile};
+pub use bytes::{FileBytes, OpenFile, time_reading};
 pub use copc::{Copc, VoxelKey};
 pub use decode::Decoder;
 pub use error::{SourceError, Warning};

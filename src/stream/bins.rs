@@ -5,8 +5,8 @@
 //! are coarsened by one power of two, which equals having binned at that size from the start.
 
 use crate::attribute::{Attributes, Record};
-use crate::coords::{CellIndex, Grid, Height, SECTION_SIDE, SectionKey};
-use crate::section::Columns;
+use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey};
+use crate::section::{Columns, column_index};
 use crate::source::PointBlock;
 use crate::stream::pool::slot_bytes;
 use std::collections::{HashMap, HashSet};
@@ -200,26 +200,50 @@ pub trait Meaning {
     fn world(&self, block: &PointBlock, i: usize) -> glam::DVec3;
     /// Its colour in 8 bits.
     fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3];
+    /// [`Meaning::world`] of the points from `first` on, axis by axis.
+    fn world_of_many(&self, block: &PointBlock, first: usize, [e, n, u]: [&mut [f64]; 3]) {
+        for (k, ((e, n), u)) in e.iter_mut().zip(n).zip(u).enumerate() {
+            (*e, *n, *u) = self.world(block, first + k).into();
+        }
+    }
 }
 
-/// One point on its way: which of the block's sections, which column, what.
+/// Points that are placed at a time.
+const BATCH: usize = 128;
+
+/// Consecutive points of a piece in the same section.
 #[derive(Clone, Copy)]
-struct Placed {
+struct Run {
     section: u32,
-    /// y << 8 | x.
-    column: u32,
-    record: Record,
+    first: u32,
+    end: u32,
 }
 
 /// Bins blocks; one a thread, its buffers are reused.
 #[derive(Default)]
 pub struct Binner {
-    placed: Vec<Placed>,
+    /// Of each point of the piece.
+    columns: Vec<u16>,
+    heights: Vec<Height>,
     keys: Vec<SectionKey>,
     index_of: HashMap<SectionKey, u32>,
-    /// Start of each section's points in `order`.
+    runs: Vec<Run>,
+    /// Start of each section's runs in `order`.
     starts: Vec<u32>,
-    order: Vec<u32>,
+    order: Vec<Run>,
+}
+
+/// Record of point `i` of `block`.
+#[inline]
+fn record(meaning: &impl Meaning, block: &PointBlock, i: usize, height: Height) -> Record {
+    Record::pack(Attributes {
+        height,
+        class: block.class[i],
+        intensity: block.intensity[i],
+        rgb: meaning.rgb(block, i),
+        returns: block.returns[i],
+        flags: block.flags[i],
+    })
 }
 
 impl Binner {
@@ -238,7 +262,6 @@ impl Binner {
         let next = self.place(&grid, bins, meaning, block, first);
         self.group();
 
-        let side = SECTION_SIDE - 1;
         let mut grown = [0i64; 2];
         let mut add = |section: usize, columns: &mut Columns| {
             let before = if columns.points() == 0 {
@@ -246,9 +269,12 @@ impl Binner {
             } else {
                 [columns.bytes() as i64, slot_bytes(columns.device_bytes()) as i64]
             };
-            for &i in &self.order[self.starts[section] as usize..self.starts[section + 1] as usize] {
-                let point = self.placed[i as usize];
-                columns.add(point.column & side, point.column >> 8, point.record);
+            for run in &self.order[self.starts[section] as usize..self.starts[section + 1] as usize] {
+                let of_piece = run.first as usize..run.end as usize;
+                let (start, heights) = (first + of_piece.start, &self.heights[of_piece.clone()]);
+                columns.add_all(&self.columns[of_piece], heights, |i| {
+                    record(meaning, block, start + i, heights[i])
+                });
             }
             grown[0] += columns.bytes() as i64 - before[0];
             grown[1] += slot_bytes(columns.device_bytes()) as i64 - before[1];
@@ -281,7 +307,7 @@ impl Binner {
         next
     }
 
-    /// Section, column and record of every point from `first` on that has a cell and a height, until there are
+    /// Height, column and run of every point from `first` on that has a cell and a height, until the runs lie in
     /// [`PIECE_SECTIONS`]; gives the next point.
     fn place(
         &mut self,
@@ -291,70 +317,106 @@ impl Binner {
         block: &PointBlock,
         first: usize,
     ) -> usize {
-        self.placed.clear();
         self.keys.clear();
         self.index_of.clear();
+        self.runs.clear();
+        let all = block.len() - first;
+        self.columns.resize(all, 0);
+        self.heights.resize(all, Height(0));
+        let ordinary = Ordinary::new(grid, &bins.core);
         let mut outside = 0;
-        // Consecutive points are nearly always in the same section.
-        let mut last = (SectionKey { level: u8::MAX, i: 0, j: 0 }, 0);
-        let mut next = first;
-        while next < block.len() && self.keys.len() < PIECE_SECTIONS {
-            let i = next;
-            next += 1;
-            let at = meaning.world(block, i);
-            let (Some(CellIndex { i: ci, j: cj }), Some(height)) =
-                (grid.cell_of(at.x, at.y), Height::from_units(at.z))
-            else {
-                outside += 1;
-                continue;
-            };
-            let record = Record::pack(Attributes {
-                height,
-                class: block.class[i],
-                intensity: block.intensity[i],
-                rgb: meaning.rgb(block, i),
-                returns: block.returns[i],
-                flags: block.flags[i],
-            });
-            if bins.is_stray(grid, [at.x, at.y]) {
-                bins.keep_stray([at.x, at.y], record);
+        let mut world = [[0.0; BATCH]; 3];
+        let mut cells = [[0; BATCH]; 2];
+        let mut at = 0;
+        while at < all && self.keys.len() < PIECE_SECTIONS {
+            let n = BATCH.min(all - at);
+            let [east, north, up] = world.each_mut().map(|w| &mut w[..n]);
+            let [i, j] = cells.each_mut().map(|c| &mut c[..n]);
+            meaning.world_of_many(block, first + at, [&mut *east, &mut *north, &mut *up]);
+            let all_ordinary = ordinary.cells(0, east, i)
+                & ordinary.cells(1, north, j)
+                & Ordinary::heights(up, &mut self.heights[at..at + n]);
+            if all_ordinary {
+                at = self.place_ordinary(at, i, j);
                 continue;
             }
-            let key = SectionKey::of(CellIndex { i: ci, j: cj });
-            if key != last.0 {
-                let keys = &mut self.keys;
-                let index = *self.index_of.entry(key).or_insert_with(|| {
-                    keys.push(key);
-                    keys.len() as u32 - 1
-                });
-                last = (key, index);
+            for k in 0..n {
+                if self.keys.len() == PIECE_SECTIONS {
+                    break;
+                }
+                let (Some(cell), Some(height)) = (grid.cell_of(east[k], north[k]), Height::from_units(up[k]))
+                else {
+                    outside += 1;
+                    at += 1;
+                    continue;
+                };
+                if bins.is_stray(grid, [east[k], north[k]]) {
+                    bins.keep_stray([east[k], north[k]], record(meaning, block, first + at, height));
+                    at += 1;
+                    continue;
+                }
+                self.heights[at] = height;
+                at = self.place_ordinary(at, &[cell.i], &[cell.j]);
             }
-            let side = SECTION_SIDE as i32 - 1;
-            let column = ((cj & side) << 8 | (ci & side)) as u32;
-            self.placed.push(Placed { section: last.1, column, record });
         }
         if outside > 0 {
             bins.outside.fetch_add(outside, Ordering::Relaxed);
         }
-        next
+        first + at
     }
 
-    /// Sorts the points by section: a counting sort, order within a section kept.
+    /// Column and run of points from `at` on, whose cells are these; gives the next point, which is one of them if
+    /// there are [`PIECE_SECTIONS`] now.
+    fn place_ordinary(&mut self, at: usize, i: &[i32], j: &[i32]) -> usize {
+        let mask = SECTION_SIDE as i32 - 1;
+        let columns = &mut self.columns[at..at + i.len()];
+        let mut same = true;
+        for ((to, &ci), &cj) in columns.iter_mut().zip(i).zip(j) {
+            *to = column_index((ci & mask) as u32, (cj & mask) as u32);
+            same &= (ci ^ i[0] | cj ^ j[0]) & !mask == 0;
+        }
+        let mut done = 0;
+        while done < i.len() && self.keys.len() < PIECE_SECTIONS {
+            let key = SectionKey::of(CellIndex { i: i[done], j: j[done] });
+            let first = done;
+            done = if same { i.len() } else { done + 1 };
+            while done < i.len() && SectionKey::of(CellIndex { i: i[done], j: j[done] }) == key {
+                done += 1;
+            }
+            let (from, end) = ((at + first) as u32, (at + done) as u32);
+            if let Some(run) = self.runs.last_mut()
+                && run.end == from
+                && self.keys[run.section as usize] == key
+            {
+                run.end = end;
+                continue;
+            }
+            let keys = &mut self.keys;
+            let section = *self.index_of.entry(key).or_insert_with(|| {
+                keys.push(key);
+                keys.len() as u32 - 1
+            });
+            self.runs.push(Run { section, first: from, end });
+        }
+        at + done
+    }
+
+    /// Sorts the runs by section: a counting sort, order within a section kept.
     fn group(&mut self) {
         self.starts.clear();
         self.starts.resize(self.keys.len() + 1, 0);
-        for point in &self.placed {
-            self.starts[point.section as usize + 1] += 1;
+        for run in &self.runs {
+            self.starts[run.section as usize + 1] += 1;
         }
         for section in 1..self.starts.len() {
             self.starts[section] += self.starts[section - 1];
         }
         let mut next = self.starts.clone();
         self.order.clear();
-        self.order.resize(self.placed.len(), 0);
-        for (i, point) in self.placed.iter().enumerate() {
-            let at = &mut next[point.section as usize];
-            self.order[*at as usize] = i as u32;
+        self.order.resize(self.runs.len(), Run { section: 0, first: 0, end: 0 });
+        for &run in &self.runs {
+            let at = &mut next[run.section as usize];
+            self.order[*at as usize] = run;
             *at += 1;
         }
     }
@@ -437,6 +499,48 @@ mod tests {
             one.sections.iter().map(|(_, c)| c.points()).sum::<u64>(),
             blocks.iter().map(|b| b.len() as u64).sum::<u64>()
         );
+    }
+
+    /// Ordinary points, strays and what has no cell, in more sections than a piece has: as if each came alone.
+    #[test]
+    fn many_at_a_time_equal_one_at_a_time() {
+        let grid = Grid { base_cell: 0.3, coarsen: 0, anchor: [1 << 24, 0] };
+        let core = [16_000_000..18_000_000, -20_000_000..20_000_000];
+        let mut points = scattered(30_000, 500_000);
+        for (i, x) in points.x.iter_mut().enumerate() {
+            // The last of the core, strays beyond it, and far more than a cell can be.
+            *x += if i % 1000 == 7 { 540_100_000 } else { 503_316_480 };
+        }
+        for i in (0..30_000).step_by(777) {
+            points.y[i] = i32::MIN;
+            points.z[i] = if i % 2 == 0 { i32::MAX } else { 1 };
+        }
+        let bins = Bins::new(grid, core.clone(), PLENTY);
+        Binner::default().bin(&bins, &Plain, &points);
+        let mut one = HashMap::<SectionKey, Columns>::new();
+        let (mut strays, mut rest) = (0, 0);
+        for i in 0..points.len() {
+            let at = Plain.world(&points, i);
+            let (Some(cell), Some(height)) = (grid.cell_of(at.x, at.y), Height::from_units(at.z)) else {
+                rest += 1;
+                continue;
+            };
+            if !core[0].contains(&((at.x / 0.3).floor() as i64))
+                || !core[1].contains(&((at.y / 0.3).floor() as i64))
+            {
+                strays += 1;
+                continue;
+            }
+            let side = SECTION_SIDE as i32 - 1;
+            let columns = one.entry(SectionKey::of(cell)).or_default();
+            columns.add((cell.i & side) as u32, (cell.j & side) as u32, record(&Plain, &points, i, height));
+        }
+        assert!(one.len() > PIECE_SECTIONS && strays > 40 && rest > 10);
+        let binned = bins.finish().unwrap();
+        assert_eq!(binned.outside, strays + rest);
+        let mut one: Vec<_> = one.into_iter().map(|(key, columns)| (key, columns.pack().words)).collect();
+        one.sort_unstable_by_key(|(key, _)| *key);
+        assert!(words(&binned) == one);
     }
 
     #[test]

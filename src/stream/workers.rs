@@ -3,10 +3,11 @@
 use super::bins::{Binner, Bins, Meaning};
 use crate::sample::RgbDepth;
 use crate::source::placement::Placement;
-use crate::source::{Chunk, Decoder, LidarFile, PointBlock, SourceError};
+use crate::source::{Chunk, Decoder, LidarFile, PointBlock, SourceError, time_reading};
 use glam::DVec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 /// A file that is to be read, and what its numbers mean.
 pub struct Input {
@@ -29,6 +30,23 @@ impl Meaning for Input {
         self.placement.place(e, n, u)
     }
 
+    fn world_of_many(&self, block: &PointBlock, first: usize, [e, n, u]: [&mut [f64]; 3]) {
+        let h = &self.file.header;
+        let axes = [
+            (&mut *e, &block.x, h.scale.x, h.offset.x),
+            (&mut *n, &block.y, h.scale.y, h.offset.y),
+            (&mut *u, &block.z, h.scale.z, h.offset.z),
+        ];
+        for (to, raw, scale, offset) in axes {
+            to.iter_mut().zip(&raw[first..]).for_each(|(to, &raw)| *to = f64::from(raw) * scale + offset);
+        }
+        if !self.placement.is_identity() {
+            for ((e, n), u) in e.iter_mut().zip(n).zip(u) {
+                (*e, *n, *u) = self.placement.place(*e, *n, *u).into();
+            }
+        }
+    }
+
     #[inline]
     fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3] {
         block.rgb.get(i).map_or([0; 3], |&rgb| self.rgb.to_8_bit(rgb))
@@ -42,6 +60,27 @@ pub struct Progress {
     pub points: AtomicU64,
     /// Set it to stop early.
     pub stop: AtomicBool,
+    /// Where the time goes.
+    pub clocks: Clocks,
+}
+
+/// Nanoseconds of all workers together; a chunk's are added when it is done.
+#[derive(Debug, Default)]
+pub struct Clocks {
+    /// In positioned reads.
+    pub read: AtomicU64,
+    /// In decoding what was read.
+    pub decode: AtomicU64,
+    /// In binning.
+    pub prepare: AtomicU64,
+}
+
+impl Clocks {
+    fn add(&self, read: Duration, decode: Duration, prepare: Duration) {
+        for (clock, time) in [(&self.read, read), (&self.decode, decode), (&self.prepare, prepare)] {
+            clock.fetch_add(time.as_nanos() as u64, Ordering::Relaxed);
+        }
+    }
 }
 
 /// Jobs that wait for a worker.
@@ -68,10 +107,16 @@ pub fn read_all(inputs: &[Input], bins: &Bins, threads: usize, progress: &Progre
                 for Job { input, chunk } in receive {
                     let source = &inputs[input];
                     if !gone[input].load(Ordering::Relaxed) && !progress.stop.load(Ordering::Relaxed) {
+                        let (start, read_before) = (Instant::now(), time_reading());
+                        let mut prepare = Duration::ZERO;
                         let result = decoder.decode(&source.file, chunk, 0..chunk.records, &mut |block| {
+                            let start = Instant::now();
                             binner.bin(bins, source, block);
+                            prepare += start.elapsed();
                             progress.points.fetch_add(block.len() as u64, Ordering::Relaxed);
                         });
+                        let read = time_reading() - read_before;
+                        progress.clocks.add(read, start.elapsed().saturating_sub(read + prepare), prepare);
                         if let Err(error) = result {
                             // A file that vanished or changed, or a disk that fails, is named once, not once a chunk.
                             let lost = matches!(error, SourceError::Io { .. } | SourceError::Changed { .. });
