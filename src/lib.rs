@@ -4,6 +4,7 @@
 //! `stream` (pool, transfer) → `render` (traversal, image). Imports run downward only.
 
 pub mod attribute;
+pub mod bench;
 pub mod cli;
 pub mod command;
 pub mod coords;
