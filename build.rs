@@ -2,6 +2,7 @@
 //!
 //! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
 //! an `#ifdef POOL_SSBO`, itself or in an include, is compiled twice: as `NAME`, and as `NAME_SSBO` with it.
+//! Release builds learn the commit they are built from, for the reports of benchmarks.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -16,6 +17,39 @@ fn main() {
         let text = compile_folder(Path::new(folder), &out).unwrap_or_else(|message| fail(&message));
         fs::write(out.join(module), text).unwrap_or_else(|e| fail(&format!("{module}: {e}")));
     }
+    // A debug build would be made anew after each commit, for nothing.
+    if env::var("PROFILE").is_ok_and(|profile| profile == "release")
+        && let Some(commit) = commit()
+    {
+        println!("cargo::rustc-env=LASRAY_COMMIT={commit}");
+    }
+}
+
+/// The commit, with `-dirty` where files differ from it. `None` without git, and in a package, whatever repository it
+/// lies in.
+fn commit() -> Option<String> {
+    if !Path::new(".git").exists() {
+        return None;
+    }
+    let git = |arguments: &[&str]| {
+        let run =
+            process::Command::new("git").env("GIT_OPTIONAL_LOCKS", "0").args(arguments).output().ok()?;
+        run.status.success().then(|| String::from_utf8_lossy(&run.stdout).trim().to_owned())
+    };
+    // The log of HEAD grows with each commit and checkout. A path that is not there would mean: always.
+    for name in ["logs/HEAD", "HEAD"] {
+        let path = git(&["rev-parse", "--git-path", name])?;
+        if Path::new(&path).exists() {
+            println!("cargo::rerun-if-changed={path}");
+        }
+    }
+    // What makes it dirty.
+    for path in ["src", "Cargo.toml", "Cargo.lock"] {
+        println!("cargo::rerun-if-changed={path}");
+    }
+    let commit = git(&["rev-parse", "--short=12", "HEAD"])?;
+    let changed = git(&["status", "--porcelain", "--untracked-files=no"])?;
+    Some(if changed.is_empty() { commit } else { commit + "-dirty" })
 }
 
 fn fail(message: &str) -> ! {

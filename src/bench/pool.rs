@@ -70,9 +70,14 @@ impl Pool {
         for key in wanted.difference(&self.wanted) {
             let Some(columns) = world.columns(*key) else { continue };
             let from = Instant::now();
-            let packed = columns.pack();
+            let layout = columns.layout();
             packing += from.elapsed();
-            let room = self.scene.upload(*key, &packed)?;
+            let room = self.scene.upload_with(*key, layout, |words| {
+                let from = Instant::now();
+                let highest_of = columns.pack_into(words);
+                packing += from.elapsed();
+                highest_of
+            })?;
             anyhow::ensure!(room, "the sections of the window do not fit the device's memory");
         }
         self.scene.flush()?;

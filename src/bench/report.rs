@@ -1,0 +1,620 @@
+//! What a benchmark found: as JSON for programs, as tables for people.
+
+use crate::render::whole_file::write_whole;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::ser::{Formatter, PrettyFormatter};
+use std::fmt::{self, Write as _};
+use std::io::{self, Write};
+use std::path::Path;
+
+/// Commit that this program was built from, with `-dirty` where files were changed; `unknown` in a debug build and in
+/// one from a package.
+pub const COMMIT: &str = match option_env!("LASRAY_COMMIT") {
+    Some(commit) => commit,
+    None => "unknown",
+};
+
+/// Numbers that were measured one by one, and what they come to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stat {
+    /// Sum over count.
+    pub mean: f64,
+    /// Half are at or below it.
+    pub median: f64,
+    /// 95 % are at or below it.
+    pub p95: f64,
+    /// Largest.
+    pub max: f64,
+    /// In the order in which they were measured.
+    pub samples: Vec<f64>,
+}
+
+impl Stat {
+    /// Of what is finite among `samples`; `None` if nothing is: a stage that does not exist.
+    pub fn of(mut samples: Vec<f64>) -> Option<Stat> {
+        samples.retain(|s| s.is_finite());
+        let mut sorted = samples.clone();
+        sorted.sort_by(f64::total_cmp);
+        let max = *sorted.last()?;
+        let mean = samples.iter().sum::<f64>() / samples.len() as f64;
+        Some(Stat { mean, median: percentile(&sorted, 0.5), p95: percentile(&sorted, 0.95), max, samples })
+    }
+}
+
+/// `share` of the way through `sorted`, between two neighbours if need be. At least one number.
+fn percentile(sorted: &[f64], share: f64) -> f64 {
+    let at = share * (sorted.len() - 1) as f64;
+    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
+    low + (high - low) * at.fract()
+}
+
+/// Which way from sections to a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Pipeline {
+    /// As in the thesis: all of the window is prepared and copied for each frame.
+    Thesis,
+    /// Sections stay on the device; what is new is copied beside tracing.
+    Pool,
+}
+
+impl Pipeline {
+    /// In the order of reports.
+    pub const ALL: [Pipeline; 2] = [Pipeline::Thesis, Pipeline::Pool];
+
+    /// In reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Pipeline::Thesis => "thesis",
+            Pipeline::Pool => "pool",
+        }
+    }
+}
+
+/// One path flown through one configuration by one pipeline. A stage that does not exist is `None`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Which pipeline.
+    pub pipeline: Pipeline,
+    /// Sections along a side of the window.
+    pub grid: u32,
+    /// Levels of a section's pyramid.
+    pub levels: u32,
+    /// Name of the camera path.
+    pub path: String,
+    /// Frames measured.
+    pub frames: u32,
+    /// Rays a frame.
+    pub rays: u64,
+    /// Host: section buffers made ready, ms a frame.
+    pub prepare_ms: Option<Stat>,
+    /// Copied to the device, ms a frame.
+    pub copy_ms: Option<Stat>,
+    /// Copied to the device, bytes a frame.
+    pub copy_bytes: Option<Stat>,
+    /// Traversal by the device's clock, ms a frame.
+    pub trace_ms: Option<Stat>,
+    /// Traversal from submit to seen done, ms a frame.
+    pub trace_wall_ms: Option<Stat>,
+    /// All of the frame, ms.
+    pub total_ms: Option<Stat>,
+    /// Section table built, ms a frame.
+    #[serde(default)]
+    pub table_ms: Option<Stat>,
+    /// Waited for what was not there yet, ms a frame.
+    #[serde(default)]
+    pub wait_ms: Option<Stat>,
+    /// Sections that were to be seen and were not there, over all frames.
+    #[serde(default)]
+    pub missing_sections: Option<u64>,
+    /// Traversal steps a ray.
+    #[serde(default)]
+    pub steps_per_ray: Option<f64>,
+    /// Traversal time a step.
+    #[serde(default)]
+    pub ns_per_step: Option<f64>,
+}
+
+impl Row {
+    /// With nothing measured.
+    pub fn new(pipeline: Pipeline, grid: u32, levels: u32, path: impl Into<String>) -> Row {
+        Row {
+            pipeline,
+            grid,
+            levels,
+            path: path.into(),
+            frames: 0,
+            rays: 0,
+            prepare_ms: None,
+            copy_ms: None,
+            copy_bytes: None,
+            trace_ms: None,
+            trace_wall_ms: None,
+            total_ms: None,
+            table_ms: None,
+            wait_ms: None,
+            missing_sections: None,
+            steps_per_ray: None,
+            ns_per_step: None,
+        }
+    }
+
+    /// Means of prepare, copy, trace, total (ms) and bytes copied. Tracing by the device's clock, or, without one,
+    /// by the wall's.
+    pub fn means(&self) -> [Option<f64>; 5] {
+        let trace = self.trace_ms.as_ref().or(self.trace_wall_ms.as_ref());
+        let [prepare, copy, total, bytes] =
+            [&self.prepare_ms, &self.copy_ms, &self.total_ms, &self.copy_bytes].map(Option::as_ref);
+        [prepare, copy, trace, total, bytes].map(|stat| stat.map(|s| s.mean))
+    }
+}
+
+/// Whether the system had a file's bytes in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Cache {
+    /// It had.
+    Warm,
+    /// They came from the disk.
+    Cold,
+}
+
+/// Says `"kind": "ingest"`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum IngestKind {
+    /// Reading a file into sections.
+    #[default]
+    Ingest,
+}
+
+/// One file read into sections.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IngestRow {
+    /// Always the same.
+    #[serde(default)]
+    pub kind: IngestKind,
+    /// Point format.
+    pub format: u8,
+    /// LAZ.
+    pub compressed: bool,
+    /// Name.
+    pub file: String,
+    /// Points read.
+    pub points: u64,
+    /// Threads that read.
+    pub threads: u32,
+    /// Where the bytes were.
+    pub cache: Cache,
+    /// Share of the threads' time spent in reading bytes.
+    pub read_share: Option<f64>,
+    /// Share of it in decoding points.
+    pub decode_share: Option<f64>,
+    /// Share of it in binning and packing.
+    pub prepare_share: Option<f64>,
+    /// Decoded alone, million points a second.
+    #[serde(deserialize_with = "or_nan")]
+    pub decode_mpts_s: f64,
+    /// Binned alone, million points a second.
+    #[serde(deserialize_with = "or_nan")]
+    pub prepare_mpts_s: f64,
+    /// All of it, million points a second.
+    #[serde(deserialize_with = "or_nan")]
+    pub total_mpts_s: f64,
+    /// All of it with every layer of the file decoded, million points a second.
+    #[serde(default)]
+    pub all_layers_mpts_s: Option<f64>,
+    /// Share of the file's bytes that were never read, because nobody asked for their layers.
+    #[serde(default)]
+    pub skipped_bytes_share: Option<f64>,
+}
+
+/// JSON has no NaN: it is written as null.
+fn or_nan<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(value)?.unwrap_or(f64::NAN))
+}
+
+/// A configuration that was not run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Skipped {
+    /// Sections along a side of the window.
+    pub grid: u32,
+    /// Levels of a section's pyramid.
+    pub levels: u32,
+    /// Which pipeline.
+    pub pipeline: Pipeline,
+    /// Why.
+    pub reason: String,
+}
+
+/// All that one call of `lasray bench` found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Name of the device.
+    pub device: String,
+    /// Its driver and version.
+    pub driver: String,
+    /// See [`COMMIT`].
+    pub commit: String,
+    /// What was asked for.
+    #[serde(default)]
+    pub settings: serde_json::Value,
+    /// Frames.
+    #[serde(default)]
+    pub rows: Vec<Row>,
+    /// Files.
+    #[serde(default)]
+    pub ingest: Vec<IngestRow>,
+    /// What could not be run.
+    #[serde(default)]
+    pub skipped: Vec<Skipped>,
+}
+
+impl Report {
+    /// An empty one of this build.
+    pub fn new(device: impl Into<String>, driver: impl Into<String>, settings: serde_json::Value) -> Report {
+        Report {
+            device: device.into(),
+            driver: driver.into(),
+            commit: COMMIT.to_owned(),
+            settings,
+            rows: Vec::new(),
+            ingest: Vec::new(),
+            skipped: Vec::new(),
+        }
+    }
+
+    /// Writes JSON, whole or not at all. What is not finite becomes null.
+    pub fn write(&self, path: &Path) -> io::Result<()> {
+        write_whole(path, |out| {
+            self.serialize(&mut serde_json::Serializer::with_formatter(&mut *out, Lines::default()))?;
+            writeln!(out)
+        })
+    }
+
+    /// Grid and levels of all rows, each once, in order.
+    pub fn configurations(&self) -> Vec<[u32; 2]> {
+        let mut all: Vec<_> = self.rows.iter().map(|row| [row.grid, row.levels]).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// Mean over the paths of what [`Row::means`] says, each over the paths that have it.
+    pub fn mean_of_paths(&self, pipeline: Pipeline, [grid, levels]: [u32; 2]) -> [Option<f64>; 5] {
+        let rows: Vec<_> = self
+            .rows
+            .iter()
+            .filter(|row| (row.pipeline, row.grid, row.levels) == (pipeline, grid, levels))
+            .map(Row::means)
+            .collect();
+        std::array::from_fn(|k| mean(rows.iter().filter_map(|means| means[k])))
+    }
+
+    /// Tables for people, no line longer than 110 letters.
+    pub fn table(&self) -> String {
+        let mut out = String::new();
+        let _ = writeln!(out, "{}, {}, commit {}", self.device, self.driver, self.commit);
+        for configuration in self.configurations() {
+            out.push('\n');
+            self.block(&mut out, configuration);
+        }
+        for Skipped { grid, levels, pipeline, reason } in &self.skipped {
+            let _ = writeln!(out, "\nnot run: {grid}x{grid}/{levels}, {}: {reason}", pipeline.name());
+        }
+        if !self.ingest.is_empty() {
+            out.push('\n');
+            ingest_table(&mut out, &self.ingest);
+        }
+        out
+    }
+
+    fn block(&self, out: &mut String, [grid, levels]: [u32; 2]) {
+        let _ = writeln!(
+            out,
+            "{:<18}{:>16}{:>16}{:>16}{:>16}{:>20}",
+            format!("{grid}x{grid}/{levels}"),
+            "prepare ms",
+            "copy ms",
+            "trace ms",
+            "total ms",
+            "bytes a frame"
+        );
+        let names = Pipeline::ALL.map(Pipeline::name);
+        let _ = write!(out, "{:<18}", "path");
+        for width in [8, 8, 8, 8, 10] {
+            let _ = write!(out, "{:>width$}{:>width$}", names[0], names[1]);
+        }
+        let _ = writeln!(out, "{:>8}", "ratio");
+        let mut paths: Vec<&str> = Vec::new();
+        let here = || self.rows.iter().filter(move |row| [row.grid, row.levels] == [grid, levels]);
+        here().for_each(|row| {
+            if !paths.contains(&row.path.as_str()) {
+                paths.push(&row.path);
+            }
+        });
+        let mut totals = Vec::new();
+        for path in paths {
+            let means = Pipeline::ALL.map(|pipeline| {
+                let row = here().find(|row| row.path == path && row.pipeline == pipeline);
+                row.map_or([None; 5], Row::means)
+            });
+            let pair = means[0][3].zip(means[1][3]);
+            totals.extend(pair);
+            line(out, path, means, pair.map(|(thesis, pool)| thesis / pool));
+        }
+        let means = Pipeline::ALL.map(|pipeline| self.mean_of_paths(pipeline, [grid, levels]));
+        // Over the paths that both have flown.
+        let [thesis, pool] =
+            [totals.iter().map(|t| t.0).sum::<f64>(), totals.iter().map(|t| t.1).sum::<f64>()];
+        line(out, "mean of the paths", means, (!totals.is_empty()).then_some(thesis / pool));
+    }
+}
+
+/// One path: a pair of columns for each stage, then thesis over pool.
+fn line(out: &mut String, path: &str, [thesis, pool]: [[Option<f64>; 5]; 2], ratio: Option<f64>) {
+    let _ = write!(out, "{:<18}", path.chars().take(17).collect::<String>());
+    for k in 0..5 {
+        for value in [thesis[k], pool[k]] {
+            let _ = match value {
+                None => write!(out, "{:>1$}", "-", if k == 4 { 10 } else { 8 }),
+                Some(bytes) if k == 4 => write!(out, "{:>10}", bytes_text(bytes)),
+                Some(ms) => write!(out, "{:>8}", number(ms)),
+            };
+        }
+    }
+    let _ = writeln!(out, "{:>8}", ratio.map_or("-".to_owned(), |r| number(r) + "x"));
+}
+
+fn ingest_table(out: &mut String, rows: &[IngestRow]) {
+    let _ = writeln!(
+        out,
+        "{:<24}{:<7}{:>7}{:>8}{:>6}{:>6}{:>8}{:>9}{:>8}{:>9}{:>7}{:>11}",
+        "ingest, M points/s",
+        "format",
+        "points",
+        "threads",
+        "cache",
+        "read",
+        "decode",
+        "prepare",
+        "decode",
+        "prepare",
+        "all",
+        "all layers"
+    );
+    let share = |s: Option<f64>| s.map_or("-".to_owned(), |s| format!("{:.0} %", 100.0 * s));
+    for row in rows {
+        let _ = writeln!(
+            out,
+            "{:<24}{:<7}{:>7}{:>8}{:>6}{:>6}{:>8}{:>9}{:>8}{:>9}{:>7}{:>11}",
+            cut(&row.file, 23),
+            format!("{} {}", row.format, if row.compressed { "LAZ" } else { "LAS" }),
+            count(row.points),
+            row.threads,
+            match row.cache {
+                Cache::Warm => "warm",
+                Cache::Cold => "cold",
+            },
+            share(row.read_share),
+            share(row.decode_share),
+            share(row.prepare_share),
+            number(row.decode_mpts_s),
+            number(row.prepare_mpts_s),
+            number(row.total_mpts_s),
+            row.all_layers_mpts_s.map_or("-".to_owned(), number)
+        );
+    }
+}
+
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / f64::from(count))
+}
+
+/// Three figures or so, never wider than 7.
+pub(crate) fn number(value: f64) -> String {
+    match value.abs() {
+        v if !v.is_finite() => "-".to_owned(),
+        v if v < 99.995 => format!("{value:.2}"),
+        v if v < 9999.5 => format!("{value:.1}"),
+        v if v < 999_999.5 => format!("{value:.0}"),
+        _ => format!("{value:.1e}"),
+    }
+}
+
+fn bytes_text(bytes: f64) -> String {
+    match bytes {
+        b if b < 999.5 => format!("{b:.0} B"),
+        b if b < 999.5e3 => format!("{:.1} kB", b / 1e3),
+        b if b < 999.5e6 => format!("{:.1} MB", b / 1e6),
+        b if b < 999.5e9 => format!("{:.1} GB", b / 1e9),
+        b => format!("{:.1} TB", b / 1e12),
+    }
+}
+
+fn count(points: u64) -> String {
+    match points as f64 {
+        n if n < 9999.5 => points.to_string(),
+        n if n < 999.5e3 => format!("{:.0}k", n / 1e3),
+        n if n < 9.995e6 => format!("{:.1}M", n / 1e6),
+        n => format!("{:.0}M", n / 1e6),
+    }
+}
+
+/// The end of `text`, at most `width` letters.
+fn cut(text: &str, width: usize) -> String {
+    let letters = text.chars().count();
+    if letters <= width { text.to_owned() } else { text.chars().skip(letters - width).collect() }
+}
+
+/// A line a field; lists of numbers stay in one.
+#[derive(Default)]
+struct Lines(PrettyFormatter<'static>);
+
+impl Formatter for Lines {
+    fn begin_object<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.0.begin_object(writer)
+    }
+
+    fn end_object<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.0.end_object(writer)
+    }
+
+    fn begin_object_key<W: ?Sized + Write>(&mut self, writer: &mut W, first: bool) -> io::Result<()> {
+        self.0.begin_object_key(writer, first)
+    }
+
+    fn begin_object_value<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.0.begin_object_value(writer)
+    }
+
+    fn end_object_value<W: ?Sized + Write>(&mut self, writer: &mut W) -> io::Result<()> {
+        self.0.end_object_value(writer)
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(&self.table())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Numbers like those of the thesis, and what a pool might do.
+    pub fn example() -> Report {
+        let mut report = Report::new(
+            "llvmpipe (LLVM 15.0.6, 256 bits)",
+            "Mesa 22.3.6",
+            serde_json::json!({"size": [1920, 1080]}),
+        );
+        let thesis = [
+            ([16, 8], [4.71, 6.49, 5.98]),
+            ([16, 9], [17.48, 25.48, 10.29]),
+            ([32, 7], [4.72, 6.48, 11.06]),
+            ([32, 8], [17.35, 25.41, 13.88]),
+            ([32, 9], [69.89, 101.52, 14.33]),
+            ([64, 7], [17.22, 25.39, 17.61]),
+            ([64, 8], [71.0, 102.96, 19.19]),
+        ];
+        for (k, ([grid, levels], [prepare, copy, trace])) in (0..).zip(thesis) {
+            for (path, factor) in [("at rest", 0.9), ("turn", 1.0), ("fast", 1.1)] {
+                for pipeline in Pipeline::ALL {
+                    let pool = pipeline == Pipeline::Pool;
+                    let moves = f64::from(path == "fast");
+                    let cells = f64::from(grid << (levels - 1));
+                    let [prepare, copy, bytes] = match pool {
+                        true => [0.31 * moves, 0.12 * moves, 256.0 * 4096.0 * moves],
+                        false => [prepare, copy, cells * cells * 4.0 * 1.35],
+                    };
+                    let trace = trace * factor * if pool { 0.6 } else { 1.0 };
+                    let stat = |v: f64| Stat::of(vec![v * 0.9, v, v * 1.1]);
+                    report.rows.push(Row {
+                        frames: 3,
+                        rays: 1920 * 1080,
+                        prepare_ms: stat(prepare),
+                        copy_ms: stat(copy),
+                        copy_bytes: stat(bytes),
+                        trace_ms: stat(trace),
+                        trace_wall_ms: stat(trace + 0.1),
+                        total_ms: stat(prepare + copy + trace + 0.2 + 0.01 * f64::from(k)),
+                        ..Row::new(pipeline, grid, levels, path)
+                    });
+                }
+            }
+        }
+        report.skipped.push(Skipped {
+            grid: 64,
+            levels: 9,
+            pipeline: Pipeline::Thesis,
+            reason: "its buffer of 1.4 GB is larger than the device's 1 GiB".to_owned(),
+        });
+        report.ingest.push(IngestRow {
+            kind: IngestKind::Ingest,
+            format: 7,
+            compressed: true,
+            file: "some/where/quite/far/down/tile_512000_5403000.laz".to_owned(),
+            points: 20_000_000,
+            threads: 2,
+            cache: Cache::Warm,
+            read_share: Some(0.013),
+            decode_share: Some(0.85),
+            prepare_share: None,
+            decode_mpts_s: 4.7,
+            prepare_mpts_s: f64::NAN,
+            total_mpts_s: 3.9,
+            all_layers_mpts_s: Some(2.8),
+            skipped_bytes_share: Some(0.21),
+        });
+        report
+    }
+
+    #[test]
+    fn percentiles() {
+        let stat = Stat::of((1..=101).rev().map(f64::from).collect()).unwrap();
+        assert_eq!((stat.mean, stat.median, stat.p95, stat.max), (51.0, 51.0, 96.0, 101.0));
+        assert_eq!(stat.samples[0], 101.0, "as measured");
+        let stat = Stat::of(vec![1.0, 2.0]).unwrap();
+        assert_eq!((stat.mean, stat.median, stat.max), (1.5, 1.5, 2.0));
+        assert!((stat.p95 - 1.95).abs() < 1e-12);
+        assert_eq!(Stat::of(vec![7.0]).unwrap().p95, 7.0);
+        assert_eq!(Stat::of(vec![]), None);
+        assert_eq!(Stat::of(vec![f64::NAN, f64::INFINITY]), None);
+        assert_eq!(Stat::of(vec![f64::NAN, 3.0]).unwrap().samples, [3.0]);
+    }
+
+    #[test]
+    fn json_comes_back() {
+        let mut report = example();
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.json");
+        report.rows[0].ns_per_step = Some(f64::INFINITY);
+        report.write(&file).unwrap();
+        let text = std::fs::read_to_string(&file).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(json["rows"][0]["pipeline"], "thesis");
+        assert_eq!(json["rows"][0]["trace_ms"]["samples"].as_array().unwrap().len(), 3);
+        assert!(json["rows"][0]["table_ms"].is_null() && json["rows"][0]["ns_per_step"].is_null());
+        assert_eq!(json["ingest"][0]["kind"], "ingest");
+        assert_eq!(json["ingest"][0]["cache"], "warm");
+        assert!(json["ingest"][0]["prepare_mpts_s"].is_null());
+        assert_eq!(json["skipped"][0]["grid"], 64);
+        assert!(text.contains("\"samples\": [4"), "lists stay in one line");
+        let mut back: Report = serde_json::from_str(&text).unwrap();
+        assert!(back.ingest[0].prepare_mpts_s.is_nan());
+        back.ingest[0].prepare_mpts_s = 1.0;
+        report.ingest[0].prepare_mpts_s = 1.0;
+        report.rows[0].ns_per_step = None;
+        assert_eq!(back, report);
+    }
+
+    #[test]
+    fn tables_are_readable() {
+        let mut report = example();
+        report.rows.push(Row::new(Pipeline::Pool, 16, 8, "a path with a name that is long"));
+        report.rows.push(Row {
+            total_ms: Stat::of(vec![123_456_789.0]),
+            copy_bytes: Stat::of(vec![1.5e12]),
+            ..Row::new(Pipeline::Thesis, 128, 12, "slow")
+        });
+        let table = report.table();
+        println!("{table}");
+        assert!(table.lines().all(|line| line.chars().count() <= 110));
+        let lines: Vec<_> = table.lines().collect();
+        assert_eq!(lines[2].split_whitespace().next(), Some("16x16/8"));
+        assert_eq!(
+            lines[4].split_whitespace().collect::<Vec<_>>(),
+            [
+                "at", "rest", "4.71", "0.00", "6.49", "0.00", "5.38", "3.23", "16.78", "3.43", "22.6", "MB",
+                "0", "B", "4.89x"
+            ]
+        );
+        let mean = lines.iter().find(|line| line.starts_with("mean of the paths")).unwrap();
+        assert!(mean.ends_with("x") && mean.contains(" 4.71 "), "{mean}");
+        assert!(table.contains("not run: 64x64/9, thesis: its buffer"));
+        assert!(table.contains("tile_512000_5403000.laz 7 LAZ"));
+    }
+}
