@@ -127,10 +127,6 @@ pub fn run(
         }
         if frame == first || frame == last {
             pictures.push((frame, resident.picture(&view)?));
-            if std::env::var_os("STAGES").is_some() {
-                let p = &pictures.last().unwrap().1;
-                eprintln!("steps {:.1}", p.steps as f64 / p.class.len() as f64);
-            }
         }
     }
     drop(resident);
