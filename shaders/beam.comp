@@ -35,14 +35,14 @@ float top_of(inout Here here, int level, ivec2 node) {
         for (int l = max(level, frame.section_level); l >= max(level, int(SECTION_LOG2)); l--) {
             uint slot = find_node(uint(l), node >> l - level);
             if (slot == NO_NODE) continue;
-            float top = NODE[slot].top;
+            uint top = NODE[slot].top;
             if (is_section(top) && level < l) {
                 uvec2 pyramid = NODE[slot].pyramid;
                 here = Here(node >> l - level, slot, pyramid_place(pyramid), NODE[slot].base, l, l - int(SECTION_LOG2),
                             pyramid_wide(pyramid));
                 break;
             }
-            if (l == level) return top;
+            if (l == level) return uintBitsToFloat(top);
         }
         if (here.slot == NO_NODE) return NOTHING;
     }

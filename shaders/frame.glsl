@@ -41,7 +41,7 @@ struct Frame {
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).
 struct Node {
     uvec2 key;    // level << 26 | index east (26 bits), index north; NO_KEY: unused
-    float top;    // highest thing below, lattice steps from the anchor, rounded up; the last bit is set for sections
+    uint top;     // highest thing below, lattice steps from the anchor, rounded up: bits of a float, the last set for sections
     uint meta;    // level | detail level << 16
     uvec2 place;   // of the section's payload
     uvec2 pyramid; // of its pyramid; the last bit is set where codes are wide
@@ -52,7 +52,7 @@ struct Node {
 };
 const uint NO_KEY = 0xFFFFFFFFu;
 
-bool is_section(float top) { return (floatBitsToUint(top) & 1u) != 0u; }
+bool is_section(uint top) { return (top & 1u) != 0u; }
 
 #ifdef POOL_SSBO
 layout(set = 0, binding = 1, scalar) readonly buffer Table { Node nodes[]; };

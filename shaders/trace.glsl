@@ -98,9 +98,9 @@ Hit trace(Ray ray, float start, int level) {
             east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
             t_exit = max(east ? ts.x : ts.y, t);
             hit.slot = find_node(uint(level), node ^ flip);
-            float top = hit.slot != NO_NODE ? NODE[hit.slot].top : 0.0;
+            uint top = hit.slot != NO_NODE ? NODE[hit.slot].top : 0u;
             // A ray that starts below the table's levels is near something.
-            bool down = hit.slot != NO_NODE && (fma(falls ? t_exit : t, walk.dz, walk.z0) <= top || first < level);
+            bool down = hit.slot != NO_NODE && (fma(falls ? t_exit : t, walk.dz, walk.z0) <= uintBitsToFloat(top) || first < level);
             if (down && is_section(top)) break;
             if (down) {
                 level--;

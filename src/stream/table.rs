@@ -199,21 +199,12 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_in, members};
-    use crate::gpu::shaders;
+    use crate::gpu::layout::{assert_in, members, readers_of_tables};
 
     #[test]
     fn shaders_see_nodes_as_they_are_written() {
-        let readers = [
-            ("trace", shaders::TRACE),
-            ("trace, POOL_SSBO", shaders::TRACE_SSBO),
-            ("plain", shaders::PLAIN),
-            ("plain, POOL_SSBO", shaders::PLAIN_SSBO),
-            ("shade", shaders::SHADE),
-            ("shade, POOL_SSBO", shaders::SHADE_SSBO),
-        ];
         assert_in(
-            &readers,
+            &readers_of_tables(),
             &members!(Node { key, top, meta, place, pyramid, base, beside, attributes, pad }),
         );
     }
