@@ -64,7 +64,8 @@ Hit trace(Ray ray, float start, int level) {
     leave = mix(leave, mix(vec2(-STILL), vec2(STILL), within), still);
     float t = start;
     uint face = start == ray.start ? FACE_INSIDE : FACE_TOP;
-    float t_enter = max(enter.x, enter.y), t_leave = min(leave.x, leave.y);
+    // A ray that stands over one cell leaves it beyond everything.
+    float t_enter = max(enter.x, enter.y), t_leave = min(min(leave.x, leave.y), FAR);
     if (t_enter > t) {
         t = t_enter;
         face = enter.x >= enter.y ? FACE_WEST : FACE_SOUTH;
