@@ -169,8 +169,8 @@ fn tracing(c: &mut Criterion) {
     scene.settle().expect("built");
     let mut renderer = Renderer::new(&scene, loaded.grid, anchor).expect("passes");
     let mut clock = Timestamps::new(&gpu, "frame", QueueKind::Compute, PASSES).expect("a clock");
-    let camera = Camera::frame(&bounds, [215.0, 35.0], Projection::Perspective { fov: 45.0 }, SIZE)
-        .expect("a camera");
+    let camera =
+        Camera::frame(&bounds, [215.0, 35.0], Projection::Perspective { fov: 45.0 }, SIZE).expect("a camera");
     let mut group = c.benchmark_group("trace");
     group.throughput(Throughput::Elements(u64::from(SIZE[0] * SIZE[1]))).sample_size(10);
     for (name, traversal) in [("fast", Traversal::Fast), ("plain", Traversal::Plain)] {

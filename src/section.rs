@@ -495,6 +495,8 @@ pub struct Layout {
     pub bridges: u32,
     /// Derived: the maximum pyramid, 16 or 32 bits an element.
     pub pyramid: u32,
+    /// Derived, for bridges: a bit for each column that shows a run, in block order.
+    pub measured: u32,
     /// All words, uploaded and derived.
     pub words: u32,
 }
@@ -510,7 +512,8 @@ impl Layout {
         let tops = uploaded_words;
         let bridges = tops + SECTION_COLUMNS as u32;
         let pyramid = bridges + (SECTION_COLUMNS / 4) as u32;
-        let words = pyramid + PYRAMID_ELEMENTS.div_ceil(per_word);
+        let measured = pyramid + PYRAMID_ELEMENTS.div_ceil(per_word);
+        let words = measured + (SECTION_COLUMNS / 32) as u32;
         Layout {
             code,
             runs,
@@ -522,6 +525,7 @@ impl Layout {
             tops,
             bridges,
             pyramid,
+            measured,
             words,
         }
     }
