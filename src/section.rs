@@ -369,6 +369,18 @@ impl Chains {
             }
             // The end of a chain is followed by itself, which is empty.
             let second = more[first.next as usize];
+            if second.next == 0 {
+                // By far the most common chain.
+                let pair = [first.record, second.record];
+                let pair = if pair[0] < pair[1] { [pair[1], pair[0]] } else { pair };
+                for (k, Record([h, w1, w2])) in pair.into_iter().enumerate() {
+                    self.heights[n + k] = h;
+                    self.attributes[n + k] = [w1, w2];
+                }
+                *count = 2;
+                n += 2;
+                continue;
+            }
             let third = more[second.next as usize];
             let fourth = more[third.next as usize];
             if fourth.next != 0 {

@@ -589,7 +589,11 @@ impl Scene {
         };
         let mut variants: BTreeMap<_, Vec<Job>> = BTreeMap::new();
         tasks.iter().for_each(|task| variants.entry(variant(task)).or_default().push(task.job));
-        for (variant, jobs) in variants {
+        for (k, (variant, jobs)) in variants.into_iter().enumerate() {
+            if k > 0 && self.pool.access() == Access::StorageBuffer {
+                // Validation takes a bound buffer as touched all over.
+                self.order.next_pass(commands);
+            }
             let n = jobs.len() as u32;
             let groups = match pass {
                 // A thread a half block.
@@ -653,6 +657,21 @@ impl Scene {
         let buffer = Buffer::new(&self.gpu, name, MemoryKind::Upload, bytes.len() as u64)?;
         buffer.write(0, bytes);
         Ok(buffer)
+    }
+
+    /// Reads a live section back: all its words, copied and derived. For tests; waits.
+    pub fn read(&mut self, key: SectionKey) -> Result<Option<(Layout, Vec<u32>)>, GpuError> {
+        let Some(version) = self.sections.get(&key).and_then(|r| r.live.as_ref()) else { return Ok(None) };
+        let (layout, from) = (version.layout, version.slot.offset());
+        let pool = self.pool.buffer(&version.slot).clone();
+        let size = layout.device_bytes();
+        let back = Buffer::new(&self.gpu, "section read back", MemoryKind::Readback, size)?;
+        let (mut commands, _) = self.order.begin_frame("section read back")?;
+        self.order.readback(&mut commands, &[(&pool, &back, BufferCopy { from, to: 0, size })]);
+        let point = self.order.submit(commands)?;
+        let mut words = vec![0; layout.words as usize];
+        self.order.read(point, &back, 0, bytemuck::cast_slice_mut(&mut words))?;
+        Ok(Some((layout, words)))
     }
 
     /// What a table may name now: live sections that show anything, in key order.
