@@ -1,11 +1,13 @@
-// Level 0 to 2 of the pyramid: measured tops, and tops of small holes bridged from what lies around them.
-// Reads the tops planes of the section and its eight neighbours; writes the bridges plane and levels 0 to 2.
-// One workgroup an 8x8 block, one thread a column; y is the job.
+// Bridges small holes from what lies around them; then levels 1 and 2 of the pyramid.
+// Reads the measured planes and level 0 of the section and its eight neighbours; writes the bridges plane, the holes
+// of level 0, and levels 1 and 2. One thread a half block; y is the job.
 //
 // A hole is bridged where measured columns lie on both sides of it, at most `bridge` holes between them, along
 // a row, a column or a diagonal; the shortest gap wins, then the flatter one. Between ends of similar height
 // the top is interpolated; where they differ steeply (an eave and the ground) the lower one goes on, so that
 // walls stay upright. The result depends only on measured columns, never on section borders.
+//
+// Level 0 is read where columns are measured, which others may write at that time, but only as it is.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"
@@ -14,118 +16,136 @@
 
 layout(local_size_x = 64) in;
 
-const int NONE = -2147483647 - 1;
-const int HALO = 4;
-const int TILE = 8 + 2 * HALO;
+// The section, and those that the half block may reach into.
+uvec4 here, beside, above, across;
 
-shared int tile[TILE * TILE]; // measured lattice heights around the block
-shared uint codes[64];
-shared uint sources[64];
+uvec4 section_of(bool x, bool y) { return mix(mix(here, beside, bvec4(x)), mix(above, across, bvec4(x)), bvec4(y)); }
 
-int measured(uint job, ivec2 column) {
-    ivec2 side = (column >> int(SECTION_LOG2)) + 1; // 0..2: west/south, here, east/north
-    uvec2 place = JOB[job].near[side.y * 3 + side.x];
-    if (place == uvec2(0)) return NONE;
-    uint run = pool_load(place, pool_load(place, HEADER_TOPS) + block_order(uvec2(column) & (SECTION_SIDE - 1u)));
-    if (run == NO_RUN) return NONE;
-    uint code = pool_load(place, HEADER_CODE);
-    uint height = load_code(place, pool_load(place, HEADER_HEIGHTS), run, (code & 0x100u) != 0u);
-    return int(pool_load(place, HEADER_BASE)) + int(height);
+// Which columns of a half block are measured.
+uint measured(ivec2 half_block) {
+    uvec4 section = section_of(uint(half_block.x) > 31u, uint(half_block.y) > 63u);
+    uvec2 at = uvec2(half_block) & uvec2(31u, 63u);
+    uint columns = 0u;
+    if (section.xy != uvec2(0u))
+        columns = pool_load(section.xy, measured_plane(section.w != 0u) + ((at.y >> 1u) * 32u + at.x) * 2u + (at.y & 1u));
+    return columns;
 }
 
-int tile_at(ivec2 inner) { return tile[(inner.y + HALO) * TILE + inner.x + HALO]; }
+// Lattice height of a measured column.
+int height_at(ivec2 column) {
+    uvec4 section = section_of(uint(column.x) > SECTION_SIDE - 1u, uint(column.y) > SECTION_SIDE - 1u);
+    uvec2 at = uvec2(column) & (SECTION_SIDE - 1u);
+    uint index = at.y * SECTION_SIDE + at.x;
+    bool wide = section.w != 0u;
+    uint word = pool_load(section.xy, PYRAMID + (wide ? index : index >> 1u));
+    return int(section.z) + int(wide ? word : word >> 16u * (index & 1u) & 0xFFFFu);
+}
+
+// Columns x - 4 to x + 4 of a row, from a byte of three half blocks side by side.
+uint window(uvec3 rows, uint byte, uint x) {
+    uvec3 row = rows >> 8u * byte & 0xFFu;
+    return (row.x | row.y << 8u | row.z << 16u) >> (x + 4u);
+}
 
 void main() {
-    uint job = gl_WorkGroupID.y, block = gl_WorkGroupID.x, lane = gl_LocalInvocationID.x;
-    uvec2 place = JOB[job].near[4];
-    ivec2 origin = ivec2(block & 31u, block >> 5u) * 8;
-    ivec2 inner = ivec2(lane & 7u, lane >> 3u);
-    int reach = int(DERIVE.bridge);
+    uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x;
+    uvec2 origin = half_block_origin(half_block);
+    ivec2 at = ivec2(origin) / ivec2(8, 4);
+    int i = at.x == 0 ? 0 : at.x == 31 ? 2 : 1, j = at.y == 0 ? 0 : at.y == 63 ? 2 : 1;
+    here = JOB[job].near[4];
+    beside = JOB[job].near[3 + i];
+    above = JOB[job].near[3 * j + 1];
+    across = JOB[job].near[3 * j + i];
+    int reach = int(DERIVE.bridge), steep = DERIVE.steep;
+    uvec2 derived = here.xy;
 
-    if (reach == 0) {
-        tile[(inner.y + HALO) * TILE + inner.x + HALO] = measured(job, origin + inner);
-    } else {
-        for (int k = int(lane); k < TILE * TILE; k += 64)
-            tile[k] = measured(job, origin + ivec2(k % TILE, k / TILE) - HALO);
-    }
-    barrier();
+    uvec3 south = uvec3(measured(at + ivec2(-1, -1)), measured(at + ivec2(0, -1)), measured(at + ivec2(1, -1)));
+    uvec3 middle = uvec3(measured(at + ivec2(-1, 0)), measured(at), measured(at + ivec2(1, 0)));
+    uvec3 north = uvec3(measured(at + ivec2(-1, 1)), measured(at + ivec2(0, 1)), measured(at + ivec2(1, 1)));
 
-    int height = tile_at(inner);
-    ivec2 source = ivec2(0);
-    bool bridged = false;
-    if (height == NONE && reach > 0) {
-        const ivec2 axes[4] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1));
-        int best_span = 99, best_drop = 0;
-        for (int a = 0; a < 4; a++) {
-            int near_steps = 0, far_steps = 0, near_height = NONE, far_height = NONE;
-            for (int s = 1; s <= HALO && near_height == NONE; s++) {
-                near_height = tile_at(inner - axes[a] * s);
-                near_steps = s;
-            }
-            for (int s = 1; s <= HALO && far_height == NONE; s++) {
-                far_height = tile_at(inner + axes[a] * s);
-                far_steps = s;
-            }
-            if (near_height == NONE || far_height == NONE) continue;
-            int span = near_steps + far_steps;
+    uvec4 sources_low = uvec4(0u), sources_high = uvec4(0u);
+    uint holes = ~middle.y;
+    while (holes != 0u) {
+        uint k = uint(findLSB(holes));
+        holes &= holes - 1u;
+        uint x = k & 7u, y = k >> 3u;
+        // Four rows to the south, the nearest in the highest byte; four to the north, the nearest in the lowest.
+        uvec3 below = south >> 8u * y | middle << 24u - 8u * y << 8u;
+        uvec3 over = middle >> 8u * y >> 8u | north << 24u - 8u * y;
+        // Bit s - 1: the column s steps away is measured. By axis: row, column, diagonals.
+        uvec4 near_bits = uvec4(0u), far_bits = uvec4(0u);
+        uint row = window(middle, y, x);
+        for (uint s = 1u; s <= 4u; s++) {
+            uint b = window(below, 4u - s, x), o = window(over, s - 1u, x);
+            near_bits |= (uvec4(row, b, b, o) >> uvec4(4u - s, 4u, 4u - s, 4u - s) & 1u) << s - 1u;
+            far_bits |= (uvec4(row, o, o, b) >> uvec4(4u + s, 4u, 4u + s, 4u + s) & 1u) << s - 1u;
+        }
+        ivec4 near_steps = findLSB(near_bits) + 1, far_steps = findLSB(far_bits) + 1;
+        ivec4 spans = near_steps + far_steps;
+        // A diagonal step is longer: a gap of three counts as one of four.
+        ivec4 gaps = ivec4(spans.xy - 1, spans.zw * 3 / 2 - 1);
+        uvec4 spanned = uvec4(notEqual(near_bits, uvec4(0u))) & uvec4(notEqual(far_bits, uvec4(0u)))
+                      & uvec4(lessThanEqual(gaps, ivec4(reach)));
+        spans = mix(ivec4(99), spans, notEqual(spanned, uvec4(0u)));
+        int span = min(min(spans.x, spans.y), min(spans.z, spans.w));
+        spanned &= uvec4(equal(spans, ivec4(span)));
+        uint axes = spanned.x | spanned.y << 1u | spanned.z << 2u | spanned.w << 3u;
+        int near_all = near_steps.x | near_steps.y << 4 | near_steps.z << 8 | near_steps.w << 12;
+        int far_all = far_steps.x | far_steps.y << 4 | far_steps.z << 8 | far_steps.w << 12;
+
+        ivec2 column = ivec2(origin) + ivec2(x, y);
+        int height = 0, best_drop = 0;
+        ivec2 source = ivec2(0);
+        bool bridged = false;
+        while (axes != 0u) {
+            int a = findLSB(axes);
+            axes &= axes - 1u;
+            ivec2 axis = ivec2(a == 1 ? 0 : 1, a == 0 ? 0 : a == 3 ? -1 : 1);
+            int near_step = near_all >> 4 * a & 15, far_step = far_all >> 4 * a & 15;
+            int near_height = height_at(column - axis * near_step), far_height = height_at(column + axis * far_step);
             int drop = abs(near_height - far_height);
-            // A diagonal step is longer: a gap of three counts as one of four.
-            int gap = a < 2 ? span - 1 : (span * 3) / 2 - 1;
-            if (gap > reach || span > best_span || (span == best_span && bridged && drop >= best_drop)) continue;
-            bridged = true;
-            best_span = span;
-            best_drop = drop;
-            bool near_is_source = near_steps < far_steps || (near_steps == far_steps && near_height <= far_height);
-            if (drop <= DERIVE.steep * span) {
-                // Heights above the nearer end stay small, so the product cannot overflow.
-                height = near_height + (far_height - near_height) * near_steps / span;
-            } else {
-                near_is_source = near_height <= far_height;
-                height = min(near_height, far_height);
+            if (!bridged || drop < best_drop) {
+                bridged = true;
+                best_drop = drop;
+                bool near_is_source = near_step < far_step || (near_step == far_step && near_height <= far_height);
+                if (drop <= steep * span) {
+                    // Heights above the nearer end stay small, so the product cannot overflow.
+                    height = near_height + (far_height - near_height) * near_step / span;
+                } else {
+                    near_is_source = near_height <= far_height;
+                    height = min(near_height, far_height);
+                }
+                source = near_is_source ? -axis * near_step : axis * far_step;
             }
-            source = near_is_source ? -axes[a] * near_steps : axes[a] * far_steps;
         }
-    }
 
-    uint code_word = pool_load(place, HEADER_CODE);
-    bool wide = (code_word & 0x100u) != 0u;
-    int base = int(pool_load(place, HEADER_BASE));
-    uint code = 0u;
-    if (height != NONE) {
         // A bridged height may lie outside what this section's code can say: it is held to its range.
-        code = uint(max(height - base, 1));
-        if (!wide) code = min(code, 0xFFFFu);
-    }
-    codes[lane] = code;
-    sources[lane] = bridged ? encode_bridge(source) : 0u;
-    barrier();
-
-    uint pyramid = pool_load(place, HEADER_PYRAMID);
-    if ((lane & 3u) == 0u) {
-        uint four = sources[lane] | sources[lane + 1u] << 8u | sources[lane + 2u] << 16u | sources[lane + 3u] << 24u;
-        pool_store(place, pool_load(place, HEADER_BRIDGES) + block * 16u + lane / 4u, four);
-    }
-    uint at = uint(origin.y + inner.y) * SECTION_SIDE + uint(origin.x + inner.x);
-    if (wide) pool_store(place, pyramid + at, code);
-    else if ((lane & 1u) == 0u) pool_store(place, pyramid + at / 2u, code | codes[lane + 1u] << 16u);
-
-    // Levels 1 (4x4 a block) and 2 (2x2); a block starts at an even element of their rows.
-    for (uint level = 1u; level <= 2u; level++) {
-        uint side = 8u >> level;
-        uvec2 node = uvec2(lane % side, lane / side);
-        uint top = 0u;
-        if (lane < side * side) {
-            uint k = node.y * 2u * (side * 2u) + node.x * 2u;
-            top = max(max(codes[k], codes[k + 1u]), max(codes[k + side * 2u], codes[k + side * 2u + 1u]));
+        uint code = bridged ? uint(max(height - int(here.z), 1)) : 0u;
+        if (!WIDE) code = min(code, 0xFFFFu);
+        uint element = uint(column.y) * SECTION_SIDE + uint(column.x);
+        if (WIDE) pool_store(derived, PYRAMID + element, code);
+        else {
+            uint word = pool_load(derived, PYRAMID + element / 2u);
+            word = (element & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u;
+            pool_store(derived, PYRAMID + element / 2u, word);
         }
-        barrier();
-        if (lane < side * side) codes[lane] = top;
-        barrier();
-        if (lane < side * side) {
-            uint element = pyramid_offset(level) + (uint(origin.y >> level) + node.y) * (SECTION_SIDE >> level)
-                         + uint(origin.x >> level) + node.x;
-            if (wide) pool_store(place, pyramid + element, top);
-            else if ((lane & 1u) == 0u) pool_store(place, pyramid + element / 2u, top | codes[lane + 1u] << 16u);
-        }
+        uint four = bridged ? encode_bridge(source) << 8u * (k & 3u) : 0u;
+        sources_low |= mix(uvec4(0u), uvec4(four), equal(uvec4(k >> 2u), uvec4(0u, 1u, 2u, 3u)));
+        sources_high |= mix(uvec4(0u), uvec4(four), equal(uvec4(k >> 2u), uvec4(4u, 5u, 6u, 7u)));
     }
+
+    uint bridges = BRIDGES + half_block * 8u;
+    for (uint w = 0u; w < 4u; w++) {
+        pool_store(derived, bridges + w, sources_low[w]);
+        pool_store(derived, bridges + 4u + w, sources_high[w]);
+    }
+    uvec2 column = origin, level_2 = uvec2(0u);
+    for (uint pair = 0u; pair < 2u; pair++) {
+        uint element = column.y * SECTION_SIDE + column.x;
+        level_2 = max(level_2, store_level_1(derived, column,
+            load_four(derived, element), load_four(derived, element + 4u),
+            load_four(derived, element + SECTION_SIDE), load_four(derived, element + SECTION_SIDE + 4u)));
+        column.y += 2u;
+    }
+    store_level_2(derived, origin, level_2);
 }

@@ -1,8 +1,10 @@
-// What the derived passes share: one job a section, and the mask under which they run.
-// Needs pool.glsl.
+// What the derived passes share: one job a section, the mask under which they run, and codes four at a time.
+// Needs pool.glsl and section.glsl.
 
 struct Job {
-    uvec2 near[9]; // places of the 3x3 sections around, row by row from the south-west; [4] is the section itself, 0 is none
+    uvec4 section; // its place; runs
+    uvec4 near[9]; // derived parts of the 3x3 sections around, row by row from the south-west, [4] its own:
+                   // place of the tops (0: no section), base, 1 for wide codes
 };
 
 struct Derive {
@@ -24,3 +26,57 @@ layout(push_constant, scalar) uniform Push { uvec2 jobs; uvec2 derive; } push;
 #define JOB Jobs(push.jobs).jobs
 #define DERIVE DeriveBlock(push.derive).derive
 #endif
+
+layout(constant_id = 0) const bool WIDE = false; // codes of the sections take 32 bits
+
+// Parts of a section, words from its start.
+const uint BLOCKS = 16u;
+const uint COUNTS = BLOCKS + 1024u;
+const uint HEIGHTS = COUNTS + 16384u;
+// Derived parts, words from the tops.
+const uint BRIDGES = 65536u;
+const uint PYRAMID = BRIDGES + 16384u;
+const uint PYRAMID_ELEMENTS = 0x15556u;
+// A bit for each measured column, in block order.
+uint measured_plane(bool wide) { return PYRAMID + (wide ? PYRAMID_ELEMENTS : PYRAMID_ELEMENTS / 2u); }
+
+// Two codes of the pyramid, from an even element on.
+uvec2 load_two(uvec2 derived, uint element) {
+    if (WIDE) return uvec2(pool_load(derived, PYRAMID + element), pool_load(derived, PYRAMID + element + 1u));
+    uint word = pool_load(derived, PYRAMID + element / 2u);
+    return uvec2(word & 0xFFFFu, word >> 16u);
+}
+
+void store_two(uvec2 derived, uint element, uvec2 codes) {
+    if (WIDE) {
+        pool_store(derived, PYRAMID + element, codes.x);
+        pool_store(derived, PYRAMID + element + 1u, codes.y);
+    } else pool_store(derived, PYRAMID + element / 2u, codes.x | codes.y << 16u);
+}
+
+uvec4 load_four(uvec2 derived, uint element) {
+    return uvec4(load_two(derived, element), load_two(derived, element + 2u));
+}
+
+void store_four(uvec2 derived, uint element, uvec4 codes) {
+    store_two(derived, element, codes.xy);
+    store_two(derived, element + 2u, codes.zw);
+}
+
+// A half block, 8x4 columns, is one thread's: it owns whole words of every plane.
+uvec2 half_block_origin(uint half_block) {
+    uint block = half_block >> 1u;
+    return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * uvec2(8u, 4u);
+}
+
+// Level 1 of two rows of eight codes, stored; gives their part of level 2.
+uvec2 store_level_1(uvec2 derived, uvec2 column, uvec4 south_west, uvec4 south_east, uvec4 north_west, uvec4 north_east) {
+    uvec4 west = max(south_west, north_west), east = max(south_east, north_east);
+    uvec4 nodes = uvec4(max(west.xz, west.yw), max(east.xz, east.yw));
+    store_four(derived, pyramid_offset(1u) + (column.y >> 1u) * (SECTION_SIDE / 2u) + (column.x >> 1u), nodes);
+    return max(nodes.xz, nodes.yw);
+}
+
+void store_level_2(uvec2 derived, uvec2 column, uvec2 nodes) {
+    store_two(derived, pyramid_offset(2u) + (column.y >> 2u) * (SECTION_SIDE / 4u) + (column.x >> 2u), nodes);
+}

@@ -11,26 +11,19 @@ layout(local_size_x = 256) in;
 shared uint codes[1024];
 
 void main() {
-    uvec2 place = JOB[gl_WorkGroupID.x].near[4];
+    uvec2 derived = JOB[gl_WorkGroupID.x].near[4].xy;
     uint lane = gl_LocalInvocationID.x;
-    bool wide = (pool_load(place, HEADER_CODE) & 0x100u) != 0u;
-    uint pyramid = pool_load(place, HEADER_PYRAMID);
 
     for (uint k = lane; k < 1024u; k += 256u) {
         uint first = pyramid_offset(2u) + (k >> 5u) * 2u * 64u + (k & 31u) * 2u;
-        codes[k] = max(max(load_code(place, pyramid, first, wide), load_code(place, pyramid, first + 1u, wide)),
-                       max(load_code(place, pyramid, first + 64u, wide), load_code(place, pyramid, first + 65u, wide)));
+        uvec2 tops = max(load_two(derived, first), load_two(derived, first + 64u));
+        codes[k] = max(tops.x, tops.y);
     }
     for (uint level = 3u; level <= 8u; level++) {
         uint side = SECTION_SIDE >> level;
         barrier();
-        for (uint k = lane; k < side * side; k += 256u) {
-            if (wide) pool_store(place, pyramid + pyramid_offset(level) + k, codes[k]);
-            else if ((k & 1u) == 0u) {
-                uint other = k + 1u < side * side ? codes[k + 1u] : 0u;
-                pool_store(place, pyramid + (pyramid_offset(level) + k) / 2u, codes[k] | other << 16u);
-            }
-        }
+        for (uint k = lane * 2u; k < side * side; k += 512u)
+            store_two(derived, pyramid_offset(level) + k, uvec2(codes[k], side > 1u ? codes[k + 1u] : 0u));
         uint half_side = side / 2u;
         uint top = 0u;
         // From 16x16 on, a level has no more nodes than there are threads.

@@ -1,6 +1,7 @@
 // Picks each column's top under the mask: its highest run of a visible class.
-// Reads counts, block offsets and attributes; writes the tops plane.
-// One workgroup an 8x8 block, one thread a column; y is the job.
+// Reads counts, block offsets, heights and, where not all is shown, attributes; writes the tops plane and level 0
+// of the pyramid; then either what else there is without bridges (no bridges, levels 1 and 2), or the measured plane.
+// One thread a half block; y is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"
@@ -8,33 +9,99 @@
 #include "derive.glsl"
 
 layout(local_size_x = 64) in;
+layout(constant_id = 1) const bool ALL = false;    // every run of the sections is shown
+layout(constant_id = 2) const bool BRIDGE = false; // bridge.comp follows
 
-void main() {
-    uvec2 place = JOB[gl_WorkGroupID.y].near[4];
-    uint block = gl_WorkGroupID.x, column = gl_LocalInvocationID.x;
+uvec2 place, derived;
+uint attributes, run, index;
+uint measured = 0u;
+uvec4 visible_low, visible_high;
+bool show_withheld;
 
-    // The column's first run: the block's, plus the counts of the columns before it (four to a word).
-    uint counts = pool_load(place, HEADER_COUNTS) + block * 16u;
-    uint run = pool_load(place, pool_load(place, HEADER_BLOCKS) + block);
-    for (uint w = 0u; w < column / 4u; w++) {
-        uint four = pool_load(place, counts + w);
-        uint pairs = (four & 0x00FF00FFu) + (four >> 8u & 0x00FF00FFu);
-        run += (pairs & 0xFFFFu) + (pairs >> 16u);
-    }
-    uint four = pool_load(place, counts + column / 4u);
-    for (uint c = 0u; c < column % 4u; c++) run += four >> (8u * c) & 0xFFu;
-    uint count = four >> (8u * (column % 4u)) & 0xFFu;
+bool shown(uint r) {
+    uint class_ = pool_load(place, attributes + 2u * r) >> 24u;
+    uvec4 some = class_ < 128u ? visible_low : visible_high;
+    uvec2 pair = (class_ & 64u) == 0u ? some.xy : some.zw;
+    uint word = (class_ & 32u) == 0u ? pair.x : pair.y;
+    bool withheld = (pool_load(place, attributes + 2u * r + 1u) & FLAG_WITHHELD) != 0u;
+    return (word >> (class_ & 31u) & 1u) != 0u && (show_withheld || !withheld);
+}
 
-    uint attributes = pool_load(place, HEADER_ATTRIBUTES);
+// Stores the top of the next column, gives its code.
+uint next_column(uint count) {
     uint top = NO_RUN;
-    for (uint r = run; r < run + count; r++) {
-        uint class_ = pool_load(place, attributes + 2u * r) >> 24u;
-        bool withheld = (pool_load(place, attributes + 2u * r + 1u) & FLAG_WITHHELD) != 0u;
-        uint shown = withheld ? DERIVE.visible_withheld[class_ >> 5u] : DERIVE.visible[class_ >> 5u];
-        if ((shown >> (class_ & 31u) & 1u) != 0u) {
-            top = r;
-            break;
+    if (ALL) top = count != 0u ? run : NO_RUN;
+    else {
+        for (uint r = run; r < run + count; r++) {
+            if (shown(r)) {
+                top = r;
+                break;
+            }
         }
     }
-    pool_store(place, pool_load(place, HEADER_TOPS) + block * 64u + column, top);
+    run += count;
+    pool_store(derived, index++, top);
+    measured = measured >> 1u | (top != NO_RUN ? 0x80000000u : 0u);
+    uint code = 0u;
+    if (top != NO_RUN) code = load_code(place, HEIGHTS, top, WIDE);
+    return code;
+}
+
+uvec4 next_four(uint word) {
+    uint counts = pool_load(place, COUNTS + word);
+    uvec4 codes;
+    codes.x = next_column(counts & 0xFFu);
+    codes.y = next_column(counts >> 8u & 0xFFu);
+    codes.z = next_column(counts >> 16u & 0xFFu);
+    codes.w = next_column(counts >> 24u);
+    return codes;
+}
+
+void main() {
+    uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x;
+    uvec4 section = JOB[job].section;
+    place = section.xy;
+    derived = JOB[job].near[4].xy;
+    if (!ALL) {
+        attributes = HEIGHTS + (WIDE ? section.z : (section.z + 1u) / 2u);
+        visible_low = uvec4(DERIVE.visible[0], DERIVE.visible[1], DERIVE.visible[2], DERIVE.visible[3]);
+        visible_high = uvec4(DERIVE.visible[4], DERIVE.visible[5], DERIVE.visible[6], DERIVE.visible[7]);
+        // Withheld points are shown as the others, or not at all.
+        uint any_withheld = 0u;
+        for (int w = 0; w < 8; w++) any_withheld |= DERIVE.visible_withheld[w];
+        show_withheld = any_withheld != 0u;
+    }
+
+    // The first run: the block's, plus the counts of the half before.
+    run = pool_load(place, BLOCKS + half_block / 2u);
+    if ((half_block & 1u) != 0u) {
+        uint pairs = 0u;
+        for (uint w = 0u; w < 8u; w++) {
+            uint four = pool_load(place, COUNTS + (half_block - 1u) * 8u + w);
+            pairs += (four & 0x00FF00FFu) + (four >> 8u & 0x00FF00FFu);
+        }
+        run += (pairs & 0xFFFFu) + (pairs >> 16u);
+    }
+
+    index = half_block * 32u;
+    uvec2 origin = half_block_origin(half_block), column = origin, level_2 = uvec2(0u);
+    uint word = half_block * 8u;
+    for (uint pair = 0u; pair < 2u; pair++) {
+        uint element = column.y * SECTION_SIDE + column.x;
+        uvec4 south_west = next_four(word), south_east = next_four(word + 1u);
+        store_four(derived, element, south_west);
+        store_four(derived, element + 4u, south_east);
+        uvec4 north_west = next_four(word + 2u), north_east = next_four(word + 3u);
+        store_four(derived, element + SECTION_SIDE, north_west);
+        store_four(derived, element + SECTION_SIDE + 4u, north_east);
+        if (!BRIDGE)
+            level_2 = max(level_2, store_level_1(derived, column, south_west, south_east, north_west, north_east));
+        word += 4u;
+        column.y += 2u;
+    }
+    if (BRIDGE) pool_store(derived, measured_plane(WIDE) + half_block, measured);
+    else {
+        store_level_2(derived, origin, level_2);
+        for (uint w = 0u; w < 8u; w++) pool_store(derived, BRIDGES + half_block * 8u + w, 0u);
+    }
 }

@@ -369,6 +369,18 @@ impl Chains {
             }
             // The end of a chain is followed by itself, which is empty.
             let second = more[first.next as usize];
+            if second.next == 0 {
+                // By far the most common chain.
+                let pair = [first.record, second.record];
+                let pair = if pair[0] < pair[1] { [pair[1], pair[0]] } else { pair };
+                for (k, Record([h, w1, w2])) in pair.into_iter().enumerate() {
+                    self.heights[n + k] = h;
+                    self.attributes[n + k] = [w1, w2];
+                }
+                *count = 2;
+                n += 2;
+                continue;
+            }
             let third = more[second.next as usize];
             let fourth = more[third.next as usize];
             if fourth.next != 0 {
@@ -495,6 +507,8 @@ pub struct Layout {
     pub bridges: u32,
     /// Derived: the maximum pyramid, 16 or 32 bits an element.
     pub pyramid: u32,
+    /// Derived, for bridges: a bit for each column that shows a run, in block order.
+    pub measured: u32,
     /// All words, uploaded and derived.
     pub words: u32,
 }
@@ -510,7 +524,8 @@ impl Layout {
         let tops = uploaded_words;
         let bridges = tops + SECTION_COLUMNS as u32;
         let pyramid = bridges + (SECTION_COLUMNS / 4) as u32;
-        let words = pyramid + PYRAMID_ELEMENTS.div_ceil(per_word);
+        let measured = pyramid + PYRAMID_ELEMENTS.div_ceil(per_word);
+        let words = measured + (SECTION_COLUMNS / 32) as u32;
         Layout {
             code,
             runs,
@@ -522,6 +537,7 @@ impl Layout {
             tops,
             bridges,
             pyramid,
+            measured,
             words,
         }
     }

@@ -23,6 +23,8 @@ const FRAMES_IN_FLIGHT: usize = 2;
 
 /// Sections that one submit builds.
 const SUBMIT_SECTIONS: usize = 64;
+/// Threads in a workgroup of the passes that take half blocks.
+const PASS_THREADS: u32 = 64;
 
 /// What is shown: part of the derived data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,7 +106,24 @@ struct Freed {
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Job {
-    near: [[u32; 2]; 9],
+    section: [u32; 4],
+    near: [[u32; 4]; 9],
+}
+
+/// A job, and the variant of the passes that does it.
+struct Task {
+    job: Job,
+    wide: bool,
+    /// Every run is shown.
+    all: bool,
+}
+
+/// Derived passes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum Pass {
+    Tops,
+    Bridge,
+    Pyramid,
 }
 
 /// Mirrors `Derive` in `shaders/derive.glsl`.
@@ -132,7 +151,8 @@ pub struct Scene {
     gpu: Gpu,
     pool: Pool,
     ring: UploadRing,
-    passes: [ComputePipeline; 3],
+    /// Made when first used, by their specialisation constants.
+    passes: HashMap<(Pass, [bool; 3]), ComputePipeline>,
     sections: HashMap<SectionKey, Resident>,
     freed: Vec<Freed>,
     /// The latest work, of each queue, that used a slot which is free again: copies go after it.
@@ -159,22 +179,12 @@ impl Scene {
         visibility: Visibility,
         cell: f64,
     ) -> Result<Scene, GpuError> {
-        let pass = |name, by_address, by_buffer| match access {
-            Access::Address => ComputePipeline::new(gpu, name, by_address, &[], 16, &[]),
-            Access::StorageBuffer => {
-                ComputePipeline::new(gpu, name, by_buffer, &[], 0, &[BindingKind::Storage; 3])
-            }
-        };
         Ok(Scene {
             order: order(Order::new(gpu, FRAMES_IN_FLIGHT)?),
             gpu: gpu.clone(),
             pool: Pool::new(gpu, access, budget_bytes),
             ring: UploadRing::new(gpu, "upload ring", RING_BYTES)?,
-            passes: [
-                pass("tops", shaders::TOPS, shaders::TOPS_SSBO)?,
-                pass("bridge", shaders::BRIDGE, shaders::BRIDGE_SSBO)?,
-                pass("pyramid", shaders::PYRAMID, shaders::PYRAMID_SSBO)?,
-            ],
+            passes: HashMap::new(),
             sections: HashMap::new(),
             freed: Vec::new(),
             reclaimed: Vec::new(),
@@ -453,9 +463,9 @@ impl Scene {
     }
 
     /// The job of the version of `key` that is on its way.
-    fn job_of_coming(&self, key: SectionKey, fresh: &BTreeSet<SectionKey>) -> Option<Job> {
-        let own = self.pool.place(&self.sections.get(&key)?.coming.as_ref()?.slot);
-        self.jobs(&BTreeSet::from([key]), fresh).into_iter().find(|job| job.near[4] == own)
+    fn job_of_coming(&self, key: SectionKey, fresh: &BTreeSet<SectionKey>) -> Option<Task> {
+        let [x, y] = self.pool.place(&self.sections.get(&key)?.coming.as_ref()?.slot);
+        self.jobs(&BTreeSet::from([key]), fresh).into_iter().find(|task| task.job.section[..2] == [x, y])
     }
 
     /// Waits until the device is through with all copies and builds submitted so far.
@@ -496,7 +506,7 @@ impl Scene {
     }
 
     /// One job for every built version of `keys`, and for those of `fresh`, whose copies are there.
-    fn jobs(&self, keys: &BTreeSet<SectionKey>, fresh: &BTreeSet<SectionKey>) -> Vec<Job> {
+    fn jobs(&self, keys: &BTreeSet<SectionKey>, fresh: &BTreeSet<SectionKey>) -> Vec<Task> {
         let is_built = |key: &SectionKey, v: &Version| {
             !matches!(v.state, State::Staged | State::Copying(_)) || fresh.contains(key)
         };
@@ -504,15 +514,21 @@ impl Scene {
             let resident = self.sections.get(&key)?;
             resident.coming.as_ref().filter(|v| is_built(&key, v)).or(resident.live.as_ref())
         };
+        let derived = |v: &Version| {
+            let [x, y] = self.pool.place_of_word(&v.slot, v.layout.tops);
+            [x, y, v.layout.code.base as u32, v.layout.code.wide.into()]
+        };
         let mut jobs = Vec::new();
         for key in keys {
             let Some(resident) = self.sections.get(key) else { continue };
             let coming = resident.coming.as_ref().filter(|v| is_built(key, v));
             for version in resident.live.iter().chain(coming) {
-                let mut near =
-                    around(*key).map(|near| newest(near).map_or([0; 2], |v| self.pool.place(&v.slot)));
-                near[4] = self.pool.place(&version.slot);
-                jobs.push(Job { near });
+                let mut near = around(*key).map(|near| newest(near).map_or([0; 4], derived));
+                near[4] = derived(version);
+                let [x, y] = self.pool.place(&version.slot);
+                let job = Job { section: [x, y, version.layout.runs, 0], near };
+                let all = version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w));
+                jobs.push(Task { job, wide: version.layout.code.wide, all });
             }
         }
         jobs
@@ -520,7 +536,10 @@ impl Scene {
 
     /// Submits the derived passes: tops of `tops`, then bridges and pyramids of `all`. Nothing runs for long: a
     /// frame is never far behind.
-    fn build(&mut self, tops: &[Job], all: &[Job], copied: &[SyncPoint]) -> Result<(), GpuError> {
+    fn build(&mut self, tops: &[Task], all: &[Task], copied: &[SyncPoint]) -> Result<(), GpuError> {
+        // Without bridges nothing follows from what others hold.
+        let bridge = self.visibility.bridge > 0;
+        let all = if bridge { all } else { tops };
         if tops.is_empty() && all.is_empty() {
             return Ok(());
         }
@@ -533,24 +552,78 @@ impl Scene {
             steep: (self.cell * HEIGHT_STEPS_PER_UNIT).clamp(1.0, 1e6) as i32,
         };
         let params = self.constant("visibility", bytemuck::bytes_of(&derive))?;
-        let [tops_pass, bridge_pass, pyramid_pass] = self.passes.clone();
-        let blocks = SECTION_BLOCKS as u32;
-        for jobs in tops.chunks(SUBMIT_SECTIONS) {
+        for tasks in tops.chunks(SUBMIT_SECTIONS) {
             let mut commands = self.order.begin_build("tops", copied)?;
             let timestamps = self.start_clock(&mut commands)?;
-            self.dispatch(&mut commands, &tops_pass, jobs, &params, [blocks, jobs.len() as u32, 1])?;
+            self.run(&mut commands, Pass::Tops, tasks, &params)?;
+            if !bridge {
+                self.order.next_pass(&mut commands);
+                self.run(&mut commands, Pass::Pyramid, tasks, &params)?;
+            }
             self.last_build = Some(self.submit(Work::Build, commands, timestamps)?);
         }
-        for jobs in all.chunks(SUBMIT_SECTIONS) {
+        for tasks in all.chunks(SUBMIT_SECTIONS).filter(|_| bridge) {
             let mut commands = self.order.begin_build("bridges and pyramids", &[])?;
             let timestamps = self.start_clock(&mut commands)?;
-            self.dispatch(&mut commands, &bridge_pass, jobs, &params, [blocks, jobs.len() as u32, 1])?;
+            self.run(&mut commands, Pass::Bridge, tasks, &params)?;
             self.order.next_pass(&mut commands);
-            self.dispatch(&mut commands, &pyramid_pass, jobs, &params, [jobs.len() as u32, 1, 1])?;
+            self.run(&mut commands, Pass::Pyramid, tasks, &params)?;
             self.last_build = Some(self.submit(Work::Build, commands, timestamps)?);
         }
         self.counters.builds += all.len() as u64;
         Ok(())
+    }
+
+    /// Dispatches one pass, each variant for the sections that want it.
+    fn run(
+        &mut self,
+        commands: &mut Commands,
+        pass: Pass,
+        tasks: &[Task],
+        params: &Buffer,
+    ) -> Result<(), GpuError> {
+        let bridge = self.visibility.bridge > 0;
+        let variant = |task: &Task| match pass {
+            Pass::Tops => [task.wide, task.all, bridge],
+            Pass::Bridge | Pass::Pyramid => [task.wide, false, false],
+        };
+        let mut variants: BTreeMap<_, Vec<Job>> = BTreeMap::new();
+        tasks.iter().for_each(|task| variants.entry(variant(task)).or_default().push(task.job));
+        for (k, (variant, jobs)) in variants.into_iter().enumerate() {
+            if k > 0 && self.pool.access() == Access::StorageBuffer {
+                // Validation takes a bound buffer as touched all over.
+                self.order.next_pass(commands);
+            }
+            let n = jobs.len() as u32;
+            let groups = match pass {
+                // A thread a half block.
+                Pass::Tops | Pass::Bridge => [2 * SECTION_BLOCKS as u32 / PASS_THREADS, n, 1],
+                Pass::Pyramid => [n, 1, 1],
+            };
+            let program = self.program(pass, variant)?;
+            self.dispatch(commands, &program, &jobs, params, groups)?;
+        }
+        Ok(())
+    }
+
+    fn program(&mut self, pass: Pass, variant: [bool; 3]) -> Result<ComputePipeline, GpuError> {
+        if let Some(known) = self.passes.get(&(pass, variant)) {
+            return Ok(known.clone());
+        }
+        let (name, by_address, by_buffer) = match pass {
+            Pass::Tops => ("tops", shaders::TOPS, shaders::TOPS_SSBO),
+            Pass::Bridge => ("bridge", shaders::BRIDGE, shaders::BRIDGE_SSBO),
+            Pass::Pyramid => ("pyramid", shaders::PYRAMID, shaders::PYRAMID_SSBO),
+        };
+        let constants: Vec<_> = (0..).zip(variant.map(u32::from)).collect();
+        let program = match self.pool.access() {
+            Access::Address => ComputePipeline::new(&self.gpu, name, by_address, &constants, 16, &[])?,
+            Access::StorageBuffer => {
+                ComputePipeline::new(&self.gpu, name, by_buffer, &constants, 0, &[BindingKind::Storage; 3])?
+            }
+        };
+        self.passes.insert((pass, variant), program.clone());
+        Ok(program)
     }
 
     fn dispatch(
@@ -584,6 +657,21 @@ impl Scene {
         let buffer = Buffer::new(&self.gpu, name, MemoryKind::Upload, bytes.len() as u64)?;
         buffer.write(0, bytes);
         Ok(buffer)
+    }
+
+    /// Reads a live section back: all its words, copied and derived. For tests; waits.
+    pub fn read(&mut self, key: SectionKey) -> Result<Option<(Layout, Vec<u32>)>, GpuError> {
+        let Some(version) = self.sections.get(&key).and_then(|r| r.live.as_ref()) else { return Ok(None) };
+        let (layout, from) = (version.layout, version.slot.offset());
+        let pool = self.pool.buffer(&version.slot).clone();
+        let size = layout.device_bytes();
+        let back = Buffer::new(&self.gpu, "section read back", MemoryKind::Readback, size)?;
+        let (mut commands, _) = self.order.begin_frame("section read back")?;
+        self.order.readback(&mut commands, &[(&pool, &back, BufferCopy { from, to: 0, size })]);
+        let point = self.order.submit(commands)?;
+        let mut words = vec![0; layout.words as usize];
+        self.order.read(point, &back, 0, bytemuck::cast_slice_mut(&mut words))?;
+        Ok(Some((layout, words)))
     }
 
     /// What a table may name now: live sections that show anything, in key order.
@@ -657,7 +745,7 @@ mod tests {
         let third = [("pyramid", shaders::PYRAMID), ("pyramid, POOL_SSBO", shaders::PYRAMID_SSBO)];
         let masked = members!(Derive { visible, visible_withheld, bridge, steep });
         for pass in [&first, &second, &third] {
-            assert_in(pass, &members!(Job { near }));
+            assert_in(pass, &members!(Job { section, near }));
         }
         // The pyramid is built from what the mask has left.
         assert_in(&first, &masked);

@@ -2,6 +2,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod derived;
 #[path = "../common/scene.rs"]
 mod scene;
 mod story;

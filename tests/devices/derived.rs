@@ -1,0 +1,179 @@
+//! The derived parts of sections against the same rules, cell by cell on the host.
+
+use crate::common::{self, LAVAPIPE};
+use glam::{IVec2, ivec2};
+use lasray::attribute::{Attributes, ClassMask, Record};
+use lasray::coords::{HEIGHT_STEPS_PER_UNIT, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
+use lasray::gpu::Order;
+use lasray::section::{Columns, Packed, column_index};
+use lasray::source::FLAG_WITHHELD;
+use lasray::stream::pool::Access;
+use lasray::stream::scene::{Scene, Visibility};
+use std::collections::BTreeMap;
+
+const CELL: f64 = 0.25;
+const SIDE: i32 = SECTION_SIDE as i32;
+
+/// Holes of all sizes, chains, withheld points, steep steps; every other section too high for 16 bits.
+fn section(i: i32, j: i32) -> Packed {
+    let mut columns = Columns::default();
+    for at in 0..SECTION_SIDE * SECTION_SIDE {
+        let (x, y) = (at % SECTION_SIDE, at / SECTION_SIDE);
+        let hash = |k: u32| (at ^ k << 17 ^ ((i * 5 + j + 9) as u32) << 22).wrapping_mul(2_654_435_761) >> 12;
+        let mut add = |height: u32, class: u8, flags: u8| {
+            let height = Height(height as i32);
+            let (rgb, returns) = ([1, 2, 3], 0x11);
+            columns.add(x, y, Record::pack(Attributes { height, class, intensity: 9, rgb, returns, flags }));
+        };
+        // From dense in the west to a few columns in the east.
+        if hash(1) % 256 >= x.max(20) * 15 / 16 {
+            add(9000 + x * 3 + y * 5 + hash(2) % 300, 2, 0);
+        }
+        if hash(3) % 5 == 0 && hash(1) % 256 >= x {
+            add(9000 + hash(4) % 9000, [5, 6, 200][hash(5) as usize % 3], 0);
+        }
+        if hash(6) % 19 == 0 {
+            add(9000 + hash(7) % 15000, 6, FLAG_WITHHELD);
+        }
+    }
+    if (i + j) % 2 != 0 {
+        let height = Height(300_000);
+        let (rgb, returns) = ([1, 2, 3], 0x11);
+        columns.add(
+            0,
+            90,
+            Record::pack(Attributes { height, class: 2, intensity: 9, rgb, returns, flags: 0 }),
+        );
+    }
+    columns.pack()
+}
+
+/// Run on show and lattice height of a cell.
+type Tops = BTreeMap<(i32, i32), (u32, i32)>;
+
+fn tops(key: SectionKey, packed: &Packed, shown: &Visibility, tops: &mut Tops) {
+    let (words, layout) = (&packed.words, packed.layout);
+    let counts: &[u8] = bytemuck::cast_slice(&words[layout.counts as usize..layout.heights as usize]);
+    let mut place = vec![(0, 0); SECTION_COLUMNS];
+    for (x, y) in (0..SECTION_SIDE).flat_map(|y| (0..SECTION_SIDE).map(move |x| (x, y))) {
+        place[usize::from(column_index(x, y))] = (key.i * SIDE + x as i32, key.j * SIDE + y as i32);
+    }
+    let mut first = 0;
+    for (&count, at) in counts.iter().zip(place) {
+        let mut runs = first..first + u32::from(count);
+        first = runs.end;
+        let top = runs.find(|run| {
+            let at = (layout.attributes + 2 * run) as usize;
+            let record = Record::of(Height(0), [words[at], words[at + 1]]);
+            shown.shows(record.class(), record.flags() & FLAG_WITHHELD != 0)
+        });
+        if let Some(run) = top {
+            let code = match layout.code.wide {
+                true => words[(layout.heights + run) as usize],
+                false => words[(layout.heights + run / 2) as usize] >> (16 * (run % 2)) & 0xFFFF,
+            };
+            tops.insert(at, (run, layout.code.decode(code).0));
+        }
+    }
+}
+
+/// Height and source of a hole.
+fn bridge(tops: &Tops, at: IVec2, reach: i32) -> Option<(i32, IVec2)> {
+    let steep = (CELL * HEIGHT_STEPS_PER_UNIT) as i32;
+    let nearest =
+        |step: IVec2| (1..=4).find_map(|s| tops.get(&(at + step * s).into()).map(|(_, height)| (s, *height)));
+    let mut best: Option<([i32; 2], (i32, IVec2))> = None;
+    for axis in [ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1)] {
+        let (Some((back, low)), Some((on, high))) = (nearest(-axis), nearest(axis)) else { continue };
+        let (span, drop) = (back + on, (low - high).abs());
+        let gap = if axis.x * axis.y == 0 { span - 1 } else { span * 3 / 2 - 1 };
+        if gap > reach || best.is_some_and(|(rank, _)| rank <= [span, drop]) {
+            continue;
+        }
+        let even = drop <= steep * span;
+        let height = if even { low + (high - low) * back / span } else { low.min(high) };
+        let back_wins = if even { back < on || back == on && low <= high } else { low <= high };
+        best = Some(([span, drop], (height, if back_wins { -axis * back } else { axis * on })));
+    }
+    best.map(|(_, found)| found)
+}
+
+fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility) {
+    let mut all = Tops::new();
+    sections.iter().for_each(|(key, packed)| tops(*key, packed, &shown, &mut all));
+    let mut bridged = 0;
+    for (key, _) in sections {
+        let (layout, words) = scene.read(*key).unwrap().expect("live");
+        let element = |k: usize| match layout.code.wide {
+            true => words[layout.pyramid as usize + k],
+            false => words[layout.pyramid as usize + k / 2] >> (16 * (k % 2)) & 0xFFFF,
+        };
+        let bridges: &[u8] = bytemuck::cast_slice(&words[layout.bridges as usize..layout.pyramid as usize]);
+        let mut level = vec![0; SECTION_COLUMNS];
+        for (x, y) in (0..SECTION_SIDE).flat_map(|y| (0..SECTION_SIDE).map(move |x| (x, y))) {
+            let at = ivec2(key.i * SIDE + x as i32, key.j * SIDE + y as i32);
+            let top = all.get(&at.into());
+            let column = usize::from(column_index(x, y));
+            let what = format!("{shown:?}, {key:?}, column {x}, {y}");
+            assert_eq!(words[layout.tops as usize + column], top.map_or(!0, |t| t.0), "top: {what}");
+            let bridge = if top.is_none() { bridge(&all, at, shown.bridge as i32) } else { None };
+            let source = bridge.map_or(0, |(_, s)| (s.y + 4) * 9 + s.x + 4 + 1);
+            assert_eq!(i32::from(bridges[column]), source, "bridge: {what}");
+            bridged += usize::from(bridge.is_some());
+            let most = if layout.code.wide { i32::MAX } else { 0xFFFF };
+            let code = |height: i32| (height - layout.code.base).clamp(1, most) as u32;
+            level[(y * SECTION_SIDE + x) as usize] = top.map(|t| t.1).or(bridge.map(|b| b.0)).map_or(0, code);
+        }
+        let (mut first, mut side) = (0, SECTION_SIDE as usize);
+        loop {
+            let wrong = (0..side * side).find(|&k| element(first + k) != level[k]);
+            assert_eq!(wrong, None, "{shown:?}, {key:?}, nodes of {} columns", SECTION_SIDE as usize / side);
+            if side == 1 {
+                break;
+            }
+            first += side * side;
+            let half = side / 2;
+            level = (0..half * half)
+                .map(|k| k / half * 2 * side + k % half * 2)
+                .map(|k| level[k].max(level[k + 1]).max(level[k + side]).max(level[k + side + 1]))
+                .collect();
+            side = half;
+        }
+    }
+    assert_eq!(bridged > 1000, shown.bridge > 0);
+}
+
+#[test]
+fn derived_parts_are_as_specified() {
+    common::run("derived::derived_parts_are_as_specified", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        // One of nine is missing.
+        let places = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j))).filter(|at| *at != (1, 0));
+        let sections: Vec<_> = places.map(|(i, j)| (SectionKey { level: 0, i, j }, section(i, j))).collect();
+        let shown = Visibility { classes: ClassMask::only(&[2, 5, 6, 200]), withheld: true, bridge: 0 };
+        for access in [Access::Address, Access::StorageBuffer] {
+            let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, shown, CELL).unwrap();
+            let (one_by_one, together) = sections.split_at(4);
+            for (key, packed) in one_by_one {
+                assert!(scene.upload(*key, packed).unwrap());
+                scene.settle().unwrap();
+            }
+            for (key, packed) in together {
+                assert!(scene.upload(*key, packed).unwrap());
+            }
+            scene.settle().unwrap();
+            check(&mut scene, &sections, shown);
+            for (classes, withheld, bridge) in [
+                (ClassMask::only(&[2, 5, 6, 200]), true, 4),
+                (ClassMask::only(&[5, 200]), false, 4),
+                (ClassMask::only(&[2]), false, 2),
+                (ClassMask::only(&[6]), true, 0),
+            ] {
+                let shown = Visibility { classes, withheld, bridge };
+                scene.show(shown).unwrap();
+                check(&mut scene, &sections, shown);
+            }
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
