@@ -113,6 +113,28 @@ pub struct Row {
     /// Traversal time a step.
     #[serde(default)]
     pub ns_per_step: Option<f64>,
+    /// Largest share of pixels in which a picture differs from the other pipeline's.
+    #[serde(default)]
+    pub differ: Option<f64>,
+}
+
+/// Thesis over pool under one configuration, path by path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ratios {
+    /// Sections along a side of the window.
+    pub grid: u32,
+    /// Levels of a section's pyramid.
+    pub levels: u32,
+    /// Names of the paths that both have flown.
+    pub paths: Vec<String>,
+    /// Mean bytes copied a frame; `None`: the pool copies nothing.
+    pub bytes: Vec<Option<f64>>,
+    /// Mean time to prepare; `None`: the pool prepares nothing.
+    pub prepare: Vec<Option<f64>>,
+    /// Median time to trace.
+    pub trace: Vec<Option<f64>>,
+    /// Median of `trace`.
+    pub trace_median: Option<f64>,
 }
 
 impl Row {
@@ -136,6 +158,7 @@ impl Row {
             missing_sections: None,
             steps_per_ray: None,
             ns_per_step: None,
+            differ: None,
         }
     }
 
@@ -168,7 +191,24 @@ pub enum IngestKind {
     Ingest,
 }
 
-/// One file read into sections.
+/// What one run took, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct IngestSample {
+    /// Decoding alone.
+    pub decode_s: f64,
+    /// From points to finished sections.
+    pub total_s: f64,
+    /// In positioned reads, all threads together.
+    pub read_s: f64,
+    /// In decoding what was read, all threads together.
+    pub unpack_s: f64,
+    /// In binning and finishing, all threads together.
+    pub prepare_s: f64,
+    /// Decoding every layer, alone.
+    pub all_layers_s: Option<f64>,
+}
+
+/// One file read into sections. Rates are medians over the runs, of wall time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IngestRow {
     /// Always the same.
@@ -180,8 +220,11 @@ pub struct IngestRow {
     pub compressed: bool,
     /// Name.
     pub file: String,
-    /// Points read.
+    /// Points read in a run.
     pub points: u64,
+    /// Side of a cell, CRS units.
+    #[serde(default)]
+    pub cell: f64,
     /// Threads that read.
     pub threads: u32,
     /// Where the bytes were.
@@ -207,6 +250,12 @@ pub struct IngestRow {
     /// Share of the file's bytes that were never read, because nobody asked for their layers.
     #[serde(default)]
     pub skipped_bytes_share: Option<f64>,
+    /// Run by run.
+    #[serde(default)]
+    pub samples: Vec<IngestSample>,
+    /// What a reader must know.
+    #[serde(default)]
+    pub note: Option<String>,
 }
 
 /// JSON has no NaN: it is written as null.
@@ -248,6 +297,9 @@ pub struct Report {
     /// What could not be run.
     #[serde(default)]
     pub skipped: Vec<Skipped>,
+    /// See [`Report::compare`].
+    #[serde(default)]
+    pub ratios: Vec<Ratios>,
 }
 
 impl Report {
@@ -261,7 +313,36 @@ impl Report {
             rows: Vec::new(),
             ingest: Vec::new(),
             skipped: Vec::new(),
+            ratios: Vec::new(),
         }
+    }
+
+    /// Fills `ratios` from `rows`.
+    pub fn compare(&mut self) {
+        let ratios = self.configurations().into_iter().map(|[grid, levels]| {
+            let mut paths: Vec<String> = Vec::new();
+            let [mut bytes, mut prepare, mut trace] = [const { Vec::new() }; 3];
+            let of = |pipeline| {
+                self.rows
+                    .iter()
+                    .filter(move |row| (row.pipeline, row.grid, row.levels) == (pipeline, grid, levels))
+            };
+            for thesis in of(Pipeline::Thesis) {
+                let Some(pool) = of(Pipeline::Pool).find(|row| row.path == thesis.path) else { continue };
+                let mean = |of: fn(&Row) -> &Option<Stat>| {
+                    let [a, b] = [of(thesis).as_ref()?.mean, of(pool).as_ref()?.mean];
+                    Some(a / b).filter(|r| r.is_finite())
+                };
+                paths.push(thesis.path.clone());
+                bytes.push(mean(|row| &row.copy_bytes));
+                prepare.push(mean(|row| &row.prepare_ms));
+                let median = |row: &Row| row.trace_ms.as_ref().map(|s| s.median);
+                trace.push(median(thesis).zip(median(pool)).map(|(a, b)| a / b).filter(|r| r.is_finite()));
+            }
+            let trace_median = Stat::of(trace.iter().copied().flatten().collect()).map(|s| s.median);
+            Ratios { grid, levels, paths, bytes, prepare, trace, trace_median }
+        });
+        self.ratios = ratios.filter(|r| !r.paths.is_empty()).collect();
     }
 
     /// Writes JSON, whole or not at all. What is not finite becomes null.
@@ -298,6 +379,9 @@ impl Report {
         for configuration in self.configurations() {
             out.push('\n');
             self.block(&mut out, configuration);
+            let here = |r: &&Ratios| [r.grid, r.levels] == configuration;
+            self.ratios.iter().filter(here).for_each(|ratios| ratio_lines(&mut out, ratios));
+            self.notes(&mut out, configuration);
         }
         for Skipped { grid, levels, pipeline, reason } in &self.skipped {
             let _ = writeln!(out, "\nnot run: {grid}x{grid}/{levels}, {}: {reason}", pipeline.name());
@@ -307,6 +391,16 @@ impl Report {
             ingest_table(&mut out, &self.ingest);
         }
         out
+    }
+
+    /// What was late, and what differs.
+    fn notes(&self, out: &mut String, configuration: [u32; 2]) {
+        let here = || self.rows.iter().filter(|row| [row.grid, row.levels] == configuration);
+        let late = here().filter(|row| row.missing_sections.is_some_and(|n| n > 0));
+        let late = late.map(|row| format!("{} {}", row.path, row.missing_sections.unwrap_or(0)));
+        words(out, "sections late", late);
+        let differ = here().filter_map(|row| Some((&row.path, row.differ?)));
+        words(out, "pixels that differ", differ.map(|(path, d)| format!("{path} {:.3} %", 100.0 * d)));
     }
 
     fn block(&self, out: &mut String, [grid, levels]: [u32; 2]) {
@@ -349,6 +443,39 @@ impl Report {
             [totals.iter().map(|t| t.0).sum::<f64>(), totals.iter().map(|t| t.1).sum::<f64>()];
         line(out, "mean of the paths", means, (!totals.is_empty()).then_some(thesis / pool));
     }
+}
+
+/// `title: a, b, c`, in lines of at most 110 letters; nothing without a word.
+fn words(out: &mut String, title: &str, words: impl Iterator<Item = String>) {
+    let mut line = format!("{title}:");
+    let (first, mut any) = (line.chars().count(), false);
+    for word in words {
+        if any {
+            line.push(',');
+        }
+        if line.chars().count() + word.chars().count() > 107 && any {
+            let _ = writeln!(out, "{line}");
+            line = " ".repeat(first);
+        }
+        let _ = write!(line, " {word}");
+        any = true;
+    }
+    if any {
+        let _ = writeln!(out, "{line}");
+    }
+}
+
+fn ratio_lines(out: &mut String, ratios: &Ratios) {
+    let each = |values: &[Option<f64>], none: &str| {
+        let text = |(path, value): (&String, &Option<f64>)| {
+            format!("{path} {}", value.map_or(none.to_owned(), |r| number(r) + "x"))
+        };
+        ratios.paths.iter().zip(values).map(text).collect::<Vec<_>>()
+    };
+    words(out, "thesis / pool, bytes", each(&ratios.bytes, "all").into_iter());
+    words(out, "thesis / pool, prepare", each(&ratios.prepare, "all").into_iter());
+    let median = ratios.trace_median.map(|m| format!("median {}x", number(m)));
+    words(out, "thesis / pool, trace", each(&ratios.trace, "-").into_iter().chain(median));
 }
 
 /// One path: a pair of columns for each stage, then thesis over pool.
@@ -548,6 +675,9 @@ pub(super) mod tests {
             total_mpts_s: 3.9,
             all_layers_mpts_s: Some(2.8),
             skipped_bytes_share: Some(0.21),
+            cell: 1.0,
+            samples: Vec::new(),
+            note: None,
         });
         report
     }
