@@ -56,9 +56,10 @@ pub struct PoolRun {
 impl PoolRun {
     /// Traversal steps a ray, mean of the pictures.
     pub fn steps_per_ray(&self) -> f64 {
-        let (steps, rays) = self.pictures.iter().fold((0, 0), |(steps, rays), (_, picture)| {
-            (steps + picture.steps, rays + picture.class.len())
-        });
+        let (steps, rays) = self
+            .pictures
+            .iter()
+            .fold((0, 0), |(steps, rays), (_, picture)| (steps + picture.steps, rays + picture.class.len()));
         steps as f64 / rays as f64
     }
 }
@@ -91,7 +92,12 @@ pub(super) fn window(config: Config, world: &World, eye: DVec3) -> [[i32; 2]; 2]
 }
 
 /// A view of one window, unlit.
-pub(super) fn view<'a>(world: &'a World, camera: &'a Camera, size: [u32; 2], window: [[i32; 2]; 2]) -> View<'a> {
+pub(super) fn view<'a>(
+    world: &'a World,
+    camera: &'a Camera,
+    size: [u32; 2],
+    window: [[i32; 2]; 2],
+) -> View<'a> {
     let cell = world.grid.cell();
     let corner = |at: [i32; 2], z: f64| {
         let [e, n] = [0, 1].map(|a| (i64::from(at[a]) + world.grid.anchor[a]) as f64 * cell);
@@ -129,9 +135,10 @@ pub fn fits(world: &World, path: &CameraPath) -> bool {
     (0..path.frames()).all(|frame| {
         path.camera(frame).is_ok_and(|camera| {
             let eye = camera.eye();
-            [eye.x, eye.y].iter().zip(world.grid.anchor).all(|(v, anchor)| {
-                (v / cell - anchor as f64).abs() < (CELL_LIMIT / 8) as f64
-            })
+            [eye.x, eye.y]
+                .iter()
+                .zip(world.grid.anchor)
+                .all(|(v, anchor)| (v / cell - anchor as f64).abs() < (CELL_LIMIT / 8) as f64)
         })
     })
 }

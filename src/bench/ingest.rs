@@ -299,7 +299,8 @@ mod tests {
         assert_eq!(rows.len(), 4 * 2 * 2);
         assert!(said >= rows.len());
         for row in &rows {
-            let shares: f64 = [row.read_share, row.decode_share, row.prepare_share].into_iter().flatten().sum();
+            let shares: f64 =
+                [row.read_share, row.decode_share, row.prepare_share].into_iter().flatten().sum();
             assert!((shares - 1.0).abs() < 1e-6, "{row:?}");
             assert!(row.total_mpts_s > 0.0 && row.decode_mpts_s > 0.0 && row.prepare_mpts_s > 0.0);
             assert_eq!(row.gain_of_skipping().is_some(), row.compressed && row.format == 7);

@@ -113,7 +113,8 @@ Exit codes: 0 done; 1 failed, stopped, or pictures that differ in more than 0.1 
 /// `32/8`: a power of two, and levels.
 fn config(text: &str) -> Result<Config, String> {
     let pair = text.split_once('/').and_then(|(g, l)| Some((g.trim().parse().ok()?, l.trim().parse().ok()?)));
-    let (grid, levels): (u32, u32) = pair.ok_or_else(|| format!("'{text}' is not GRID/LEVELS such as 32/8"))?;
+    let (grid, levels): (u32, u32) =
+        pair.ok_or_else(|| format!("'{text}' is not GRID/LEVELS such as 32/8"))?;
     if !grid.is_power_of_two() || !(2..=256).contains(&grid) {
         return Err(format!("a grid of {grid}: expected a power of two from 2 to 256"));
     }
@@ -124,7 +125,6 @@ fn config(text: &str) -> Result<Config, String> {
 }
 
 static STOP: AtomicBool = AtomicBool::new(false);
-
 
 /// Measures.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
@@ -147,11 +147,10 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if args.plot.is_some() && !draws {
         return Err(usage(&"--plot: no frames are measured"));
     }
-    let gpu =
-        Gpu::new(&GpuOptions { device: args.device, ..Default::default() }).map_err(|e| match e {
-            GpuError::NoSuchDevice { .. } => usage(&e),
-            e => e.into(),
-        })?;
+    let gpu = Gpu::new(&GpuOptions { device: args.device, ..Default::default() }).map_err(|e| match e {
+        GpuError::NoSuchDevice { .. } => usage(&e),
+        e => e.into(),
+    })?;
     check_size(&gpu, args.size).map_err(|e| usage(&e))?;
     let most = gpu.limits().workgroup_size;
     if args.strip[0].saturating_mul(args.strip[1]) > most {
@@ -370,7 +369,8 @@ impl Harness<'_> {
         if let Some(thesis) = thesis {
             let run = frames::run_thesis(world, config, path, thesis, &options, &pictures)?;
             rows.insert(0, thesis_row(&run, config, name, rays));
-            rows.iter_mut().for_each(|row| row.differ = run.differ.filter(|_| row.pipeline == Pipeline::Pool));
+            rows.iter_mut()
+                .for_each(|row| row.differ = run.differ.filter(|_| row.pipeline == Pipeline::Pool));
         }
         for row in &rows {
             let [prepare, copy, trace, ..] = row.means().map(|v| v.unwrap_or(f64::NAN));
