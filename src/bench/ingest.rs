@@ -89,7 +89,7 @@ pub fn run(
 }
 
 /// Writes a scan of the synthetic town.
-fn make(path: &Path, format: Format, points: u64) -> anyhow::Result<()> {
+pub fn make(path: &Path, format: Format, points: u64) -> anyhow::Result<()> {
     let side = (points as f64 / DENSITY).sqrt();
     let tile = Tile { corner: [-side / 2.0; 2], size: [side; 2], points };
     let compressed = path.extension().is_some_and(|e| e == "laz");
@@ -98,15 +98,15 @@ fn make(path: &Path, format: Format, points: u64) -> anyhow::Result<()> {
 }
 
 /// A file and how it is to be binned.
-struct Case {
+pub(super) struct Case {
     /// One, as the workers want it.
-    input: [Input; 1],
-    bounds: Bounds,
-    cell: f64,
+    pub input: [Input; 1],
+    pub bounds: Bounds,
+    pub cell: f64,
 }
 
 impl Case {
-    fn open(path: &Path, cell: Option<f64>) -> anyhow::Result<Case> {
+    pub fn open(path: &Path, cell: Option<f64>) -> anyhow::Result<Case> {
         let mut opened = sample::open_all(&[path.to_owned()]);
         let opened = [opened.remove(0)?];
         let sample = sample::take(&opened, &PlacementOptions::default(), &sample::Budget::default());

@@ -263,6 +263,81 @@ fn or_nan<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(value)?.unwrap_or(f64::NAN))
 }
 
+/// A file loaded as the thesis does, and as we do: time until all of it is there. Seconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LoadRow {
+    /// Name.
+    pub file: String,
+    /// Points in it.
+    pub points: u64,
+    /// Points that lie in the thesis' 4 × 4 sections.
+    pub kept: u64,
+    /// Finest cells along a side of such a section.
+    pub side: u32,
+    /// Levels of its pyramid.
+    pub levels: u32,
+    /// Side of a cell, CRS units.
+    pub cell: f64,
+    /// Threads that read for us; the thesis has one a section.
+    pub threads: u32,
+    /// Whether the outer sections' threads had the lowest priority.
+    pub prioritized: bool,
+    /// Thesis: the four sections around the camera are full.
+    pub thesis_middle_s: Stat,
+    /// Thesis: all sixteen are.
+    pub thesis_all_s: Stat,
+    /// Ours: opened and looked at.
+    pub open_s: Stat,
+    /// Ours: read and binned.
+    pub read_s: Stat,
+    /// Ours: packed, copied and derived.
+    pub upload_s: Stat,
+    /// Ours: all of it.
+    pub total_s: Stat,
+}
+
+/// What four times the work costs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScalingRow {
+    /// What was done.
+    pub what: String,
+    /// Four times what: cells under the same picture, or points.
+    pub of: String,
+    /// Less and more of it.
+    pub amount: [f64; 2],
+    /// Median times, ms.
+    pub ms: [f64; 2],
+    /// Time over time.
+    pub ratio: f64,
+}
+
+/// A peer on the CPU and our pipeline, tracing the same rays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PeerRow {
+    /// Which peer, which scene.
+    pub scene: String,
+    /// Its fastest kind of query.
+    pub query: String,
+    /// Cells along a side.
+    pub cells: u32,
+    /// Rays.
+    pub rays: u64,
+    /// Threads of the peer.
+    pub threads: u32,
+    /// Seconds that the peer took to build its scene.
+    pub build_s: f64,
+    /// Seconds that it took to trace all rays.
+    pub trace_s: Stat,
+    /// Our trace, device time, ms.
+    pub pool_ms: Stat,
+    /// Million rays a second by medians: the peer's, ours.
+    pub mrays_s: [f64; 2],
+    /// Ours over the peer's.
+    pub ratio: f64,
+    /// Share of the rays at whose end both are, within a thousandth or a cell; meshes are another surface.
+    pub agree: f64,
+}
+
 /// A configuration that was not run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Skipped {
@@ -297,6 +372,15 @@ pub struct Report {
     /// What could not be run.
     #[serde(default)]
     pub skipped: Vec<Skipped>,
+    /// Loading.
+    #[serde(default)]
+    pub load: Vec<LoadRow>,
+    /// Four times the cells, four times the points.
+    #[serde(default)]
+    pub scaling: Vec<ScalingRow>,
+    /// Other ray tracers.
+    #[serde(default)]
+    pub peer: Vec<PeerRow>,
     /// See [`Report::compare`].
     #[serde(default)]
     pub ratios: Vec<Ratios>,
@@ -313,6 +397,9 @@ impl Report {
             rows: Vec::new(),
             ingest: Vec::new(),
             skipped: Vec::new(),
+            load: Vec::new(),
+            scaling: Vec::new(),
+            peer: Vec::new(),
             ratios: Vec::new(),
         }
     }
@@ -389,6 +476,38 @@ impl Report {
         if !self.ingest.is_empty() {
             out.push('\n');
             ingest_table(&mut out, &self.ingest);
+        }
+        self.load.iter().for_each(|row| load_lines(&mut out, row));
+        if !self.scaling.is_empty() {
+            let _ = writeln!(out, "\n{:<44}{:<12}{:>14}{:>14}{:>10}", "scaling", "4x", "ms", "ms", "ratio");
+        }
+        for ScalingRow { what, of, ms, ratio, .. } in &self.scaling {
+            let [less, more] = ms.map(number);
+            let _ = writeln!(
+                out,
+                "{:<44}{of:<12}{less:>14}{more:>14}{:>10}",
+                cut(what, 43),
+                number(*ratio) + "x"
+            );
+        }
+        for row in &self.peer {
+            let [peer, pool] = row.mrays_s.map(number);
+            let _ = writeln!(
+                out,
+                "\n{}, {} cells a side, {} rays, {} threads, {}: built in {} s, {peer} M rays/s",
+                row.scene,
+                row.cells,
+                row.rays,
+                row.threads,
+                row.query,
+                number(row.build_s)
+            );
+            let _ = writeln!(
+                out,
+                "  pool {pool} M rays/s: {}x; {:.2} % of the rays end in the same place",
+                number(row.ratio),
+                100.0 * row.agree
+            );
         }
         out
     }
@@ -491,6 +610,41 @@ fn line(out: &mut String, path: &str, [thesis, pool]: [[Option<f64>; 5]; 2], rat
         }
     }
     let _ = writeln!(out, "{:>8}", ratio.map_or("-".to_owned(), |r| number(r) + "x"));
+}
+
+fn load_lines(out: &mut String, row: &LoadRow) {
+    let s = |stat: &Stat| number(stat.median);
+    let _ = writeln!(
+        out,
+        "\nloading {}, {} points, cells of {}: seconds until full, medians",
+        cut(&row.file, 40),
+        count(row.points),
+        row.cell
+    );
+    let _ = writeln!(
+        out,
+        "  thesis, 16 sections of {0} x {0} cells, a thread each: {1} the middle four, {2} all{3}",
+        row.side,
+        s(&row.thesis_middle_s),
+        s(&row.thesis_all_s),
+        if row.prioritized { "" } else { " (without priorities)" }
+    );
+    let ratio = |stat: &Stat| number(stat.median / row.total_s.median);
+    let _ = writeln!(
+        out,
+        "  pool, {} threads: {} all (open {}, read and bin {}, pack, copy and derive {})",
+        row.threads,
+        s(&row.total_s),
+        s(&row.open_s),
+        s(&row.read_s),
+        s(&row.upload_s)
+    );
+    let _ = writeln!(
+        out,
+        "  thesis / pool: {}x to the middle four, {}x to all",
+        ratio(&row.thesis_middle_s),
+        ratio(&row.thesis_all_s)
+    );
 }
 
 fn ingest_table(out: &mut String, rows: &[IngestRow]) {

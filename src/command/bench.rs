@@ -9,7 +9,7 @@ use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::report::{Pipeline, Report, Row, Skipped, Stat};
 use crate::bench::thesis::{Config, Thesis};
 use crate::bench::world::World;
-use crate::bench::{FrameTimes, plot};
+use crate::bench::{self, FrameTimes, plot};
 use crate::coords::SECTION_SIDE;
 use crate::gpu::{Gpu, GpuError, GpuOptions};
 use crate::load::{self, LoadOptions};
@@ -242,13 +242,6 @@ fn world(args: &Args, cell: f64) -> anyhow::Result<(World, Placement)> {
     Ok((World::new(loaded, seen, colors), placement))
 }
 
-/// Bytes of memory that nobody uses, where the system tells.
-fn free_bytes() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10)
-}
-
 /// Whether `error` says that the device is too small, and nothing worse.
 fn too_large(error: &anyhow::Error) -> bool {
     let gpu = match error.downcast_ref() {
@@ -316,7 +309,7 @@ impl Harness<'_> {
         let Config { grid, levels } = config;
         // Sections, the mapped buffer, and, where the device's memory is the host's, what is copied from it.
         let need = Thesis::host_bytes(config) + 2 * config.bytes();
-        let reason = match free_bytes() {
+        let reason = match bench::free_bytes() {
             Some(free) if need > free => format!("it needs {need} bytes of host memory, {free} are free"),
             _ => match Thesis::new(self.gpu, config, self.args.size, self.args.strip) {
                 Ok(thesis) => return Ok(Some(thesis)),
