@@ -41,7 +41,13 @@ struct Filling {
 impl Filling {
     fn new(low: [i64; 2], side: usize, levels: u32) -> Filling {
         let level = |l: u32| vec![f32::NEG_INFINITY; (side >> l).pow(2)];
-        Filling { low, side, levels: (0..levels).map(level).collect(), colors: vec![0; side * side], points: 0 }
+        Filling {
+            low,
+            side,
+            levels: (0..levels).map(level).collect(),
+            colors: vec![0; side * side],
+            points: 0,
+        }
     }
 
     /// Scans the file from start to end.

@@ -6,7 +6,8 @@ use super::{Outcome, UsageError};
 use crate::attribute::{ClassMask, ColorTable};
 use crate::bench::frames::{self, Options, PoolRun, Stopped, ThesisRun};
 use crate::bench::ingest::{self, IngestOptions};
-use crate::bench::report::{Pipeline, Report, Row, Skipped, Stat};
+use crate::bench::load as loading;
+use crate::bench::report::{Pipeline, Report, Row, ScalingRow, Skipped, Stat};
 use crate::bench::thesis::{Config, Thesis};
 use crate::bench::world::World;
 use crate::bench::{self, FrameTimes, plot};
@@ -36,6 +37,18 @@ const TOWN_POINTS: u64 = 1 << 25;
 const POINTS_PER_CELL: f64 = 2.0;
 /// Points of a file that is read.
 const INGEST_POINTS: u64 = 20_000_000;
+/// Points of a file that is loaded.
+const LOAD_POINTS: u64 = 4_000_000;
+/// Runs that figures of loading and of scaling are medians of.
+const LOAD_RUNS: u32 = 3;
+/// Pixels of a frame.
+const SIZE: [u32; 2] = [640, 360];
+/// Pixels that a peer traces.
+#[cfg(feature = "embree")]
+const PEER_SIZE: [u32; 2] = [1920, 1080];
+/// Frames of a path that scaling is measured by, and the paths.
+const SCALING_FRAMES: u32 = 30;
+const SCALING_PATHS: [PathKind; 3] = [PathKind::Rest, PathKind::Turn, PathKind::Grazing];
 
 /// Arguments of `lasray bench`.
 #[derive(Clone, Debug, clap::Args)]
@@ -51,6 +64,15 @@ pub struct Args {
     /// Reading and binning beside decoding alone, warm and cold
     #[arg(long, help_heading = "Parts")]
     ingest: bool,
+    /// Time until all is loaded: the thesis' 16 threads beside our pipeline
+    #[arg(long, help_heading = "Parts")]
+    load: bool,
+    /// What four times the cells under the same picture cost, and four times the points
+    #[arg(long, help_heading = "Parts")]
+    scaling: bool,
+    /// Intel Embree on the same cells and rays (needs a build with the feature `embree`)
+    #[arg(long, help_heading = "Parts")]
+    peer: bool,
 
     /// Configurations GRID/LEVELS [default: 32/8]
     #[arg(long, value_delimiter = ',', value_parser = config, help_heading = "Frames", value_name = "G/L,…")]
@@ -64,9 +86,9 @@ pub struct Args {
     /// Frames of each path to draw, spread evenly over it [default: all]; sections stream in all of them
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Frames", value_name = "N")]
     frames: Option<u32>,
-    /// Width and height in pixels
-    #[arg(long, default_value = "640x360", value_parser = size, help_heading = "Frames", value_name = "WxH")]
-    size: [u32; 2],
+    /// Width and height in pixels [default: 640x360, with --peer alone 1920x1080]
+    #[arg(long, value_parser = size, help_heading = "Frames", value_name = "WxH")]
+    size: Option<[u32; 2]>,
     /// Pixels a workgroup of the thesis' pipeline covers: an upright strip; on a CPU driver, which runs eight
     /// pixels of a row at once, 1x64 is 3 to 4 times slower
     #[arg(long, default_value = "8x32", value_parser = size, help_heading = "Frames", value_name = "WxH")]
@@ -75,8 +97,8 @@ pub struct Args {
     /// Side of a cell, CRS units
     #[arg(long, default_value_t = 0.25, value_parser = positive, help_heading = "Data")]
     cell: f64,
-    /// Points of synthetic data; 500k and 2M are understood [default: 32 a square metre of 1024 m squared; for
-    /// --ingest 20M]
+    /// Points of synthetic data; 500k and 2M are understood [default: 2 a cell of 4096x4096; for
+    /// --ingest and --scaling 20M, for --load 4M]
     #[arg(long, value_parser = count, help_heading = "Data")]
     points: Option<u64>,
     /// Which town, which random path
@@ -142,8 +164,16 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
             return Err(usage(&format!("{}: cannot be written there", file.display())));
         }
     }
-    let parts = args.ingest;
-    let draws = !parts || args.table || !args.grid.is_empty() || !args.paths.is_empty() || !files.is_empty();
+    if args.peer && cfg!(not(feature = "embree")) {
+        return Err(usage(&"--peer: this build is without Embree (cargo build --features embree)"));
+    }
+    let parts = args.ingest || args.load || args.scaling || args.peer;
+    // What chooses frames for --scaling too asks for none of its own.
+    let chosen = !args.grid.is_empty() || !args.paths.is_empty();
+    let draws = !parts || args.table || !files.is_empty() || chosen && !args.scaling;
+    if args.scaling && args.grid.first().is_some_and(|config| config.levels < 2) {
+        return Err(usage(&"--scaling: a configuration of at least two levels is needed"));
+    }
     if args.plot.is_some() && !draws {
         return Err(usage(&"--plot: no frames are measured"));
     }
@@ -151,7 +181,8 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         GpuError::NoSuchDevice { .. } => usage(&e),
         e => e.into(),
     })?;
-    check_size(&gpu, args.size).map_err(|e| usage(&e))?;
+    let size = args.size.unwrap_or(SIZE);
+    check_size(&gpu, size).map_err(|e| usage(&e))?;
     let most = gpu.limits().workgroup_size;
     if args.strip[0].saturating_mul(args.strip[1]) > most {
         return Err(usage(&format!("--strip: the device's workgroups have at most {most} invocations")));
@@ -165,7 +196,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 
     let settings = json!({
         "inputs": args.inputs.iter().map(|i| i.to_string_lossy()).collect::<Vec<_>>(),
-        "size": args.size,
+        "size": size,
         "strip": args.strip,
         "cell": args.cell,
         "points": args.points,
@@ -173,13 +204,23 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         "frames": args.frames,
     });
     let mut report = Report::new(&gpu.info().name, &gpu.info().driver, settings);
-    let mut harness = Harness { args: &args, gpu: &gpu, report: &mut report };
+    let mut harness = Harness { args: &args, size, gpu: &gpu, report: &mut report };
     let mut result = Ok(());
     if draws {
         result = harness.frames(files);
     }
     if args.ingest && result.is_ok() {
         result = harness.ingest();
+    }
+    if args.load && result.is_ok() {
+        result = harness.load();
+    }
+    if args.scaling && result.is_ok() {
+        result = harness.scaling();
+    }
+    #[cfg(feature = "embree")]
+    if args.peer && result.is_ok() {
+        result = harness.peer();
     }
     // What was measured before an error is worth its file.
     report.compare();
@@ -214,10 +255,11 @@ fn load_options(args: &Args) -> LoadOptions {
     }
 }
 
-/// A town of `points` whose border is one of sections, so that it repeats without a gap.
-fn town(args: &Args, cell: f64, points: u64, problems: &mut Problems) -> anyhow::Result<load::Loaded> {
-    let section = f64::from(SECTION_SIDE) * cell;
-    let sections = ((points as f64 / POINTS_PER_CELL).sqrt() / f64::from(SECTION_SIDE)).ceil().max(1.0);
+/// A town whose border is one of sections of cells of `widest`, so that it repeats without a gap.
+fn town(args: &Args, cell: f64, widest: f64, problems: &mut Problems) -> anyhow::Result<load::Loaded> {
+    let points = args.points.unwrap_or(TOWN_POINTS);
+    let section = f64::from(SECTION_SIDE) * widest;
+    let sections = ((points as f64 / POINTS_PER_CELL).sqrt() * args.cell / section).ceil().max(1.0);
     let side = sections * section;
     let corner = synth::ORIGIN.map(|o| ((o - side / 2.0) / section).round() * section - o);
     let tiles = synth::square(corner, side, points);
@@ -225,11 +267,11 @@ fn town(args: &Args, cell: f64, points: u64, problems: &mut Problems) -> anyhow:
     load::tiles_of(&synth::Town::new(args.seed), &tiles, &options, problems).map_err(usage_of_load)
 }
 
-/// What the inputs hold, or a town.
-fn world(args: &Args, cell: f64) -> anyhow::Result<(World, Placement)> {
+/// What the inputs hold, or a town, in cells of `cell`.
+fn world(args: &Args, cell: f64, widest: f64) -> anyhow::Result<(World, Placement)> {
     let mut problems = Problems::default();
     let loaded = if args.inputs.is_empty() {
-        town(args, cell, args.points.unwrap_or(TOWN_POINTS), &mut problems)
+        town(args, cell, widest, &mut problems)
     } else {
         let options = LoadOptions { cell: Some(cell), ..load_options(args) };
         load::files(&args.inputs, &options, &mut problems).map_err(usage_of_load)
@@ -255,6 +297,7 @@ fn too_large(error: &anyhow::Error) -> bool {
 /// What is run, and where it is written down.
 struct Harness<'a> {
     args: &'a Args,
+    size: [u32; 2],
     gpu: &'a Gpu,
     report: &'a mut Report,
 }
@@ -278,7 +321,7 @@ impl Harness<'_> {
             [] if files.is_empty() => PathKind::ALL.to_vec(),
             chosen => chosen.to_vec(),
         };
-        let (world, placement) = world(args, args.cell)?;
+        let (world, placement) = world(args, args.cell, args.cell)?;
         let [width, depth] = world.cells();
         self.say(format_args!("{width} x {depth} cells, repeated without end"));
         let files = files.into_iter().map(|path| {
@@ -311,7 +354,7 @@ impl Harness<'_> {
         let need = Thesis::host_bytes(config) + 2 * config.bytes();
         let reason = match bench::free_bytes() {
             Some(free) if need > free => format!("it needs {need} bytes of host memory, {free} are free"),
-            _ => match Thesis::new(self.gpu, config, self.args.size, self.args.strip) {
+            _ => match Thesis::new(self.gpu, config, self.size, self.args.strip) {
                 Ok(thesis) => return Ok(Some(thesis)),
                 Err(error) => {
                     let error = anyhow::Error::from(error);
@@ -340,8 +383,8 @@ impl Harness<'_> {
         let Config { grid, levels } = config;
         let name = path.name().unwrap_or("path");
         let frames = args.frames.unwrap_or(path.frames()).min(path.frames());
-        let options = Options { size: args.size, frames, stop: &STOP };
-        let rays = u64::from(args.size[0]) * u64::from(args.size[1]);
+        let options = Options { size: self.size, frames, stop: &STOP };
+        let rays = u64::from(self.size[0]) * u64::from(self.size[1]);
         let mut pictures = Vec::new();
         let mut rows = Vec::new();
         if *pool_fits {
@@ -376,16 +419,127 @@ impl Harness<'_> {
         Ok(())
     }
 
+    /// The inputs one by one.
+    fn files(&self) -> anyhow::Result<Vec<PathBuf>> {
+        let found = inputs::expand(&self.args.inputs);
+        match found.failed.first() {
+            Some(error) => anyhow::bail!("{error}"),
+            None => Ok(found.files),
+        }
+    }
+
+    /// The thesis' loading and ours.
+    fn load(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let mut files = self.files()?;
+        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+        if files.is_empty() {
+            let points = args.points.unwrap_or(LOAD_POINTS);
+            let file = folder.path().join("town.las");
+            self.say(format_args!("writing {points} points"));
+            ingest::make(&file, synth::Format::Three, points)?;
+            files.push(file);
+        }
+        for file in files {
+            let mut say = |what: &str| self.say(format_args!("{what}"));
+            let row = loading::run(self.gpu, &file, args.cell, LOAD_RUNS, &mut say, &STOP)?;
+            self.report.load.push(row);
+        }
+        Ok(())
+    }
+
+    /// Cells of twice the side and of `--cell`: the same data, the same window in units, the same cameras. Then
+    /// files of a quarter of the points and of all.
+    fn scaling(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let fine = args.grid.first().copied().unwrap_or(Config { grid: 32, levels: 8 });
+        let coarse = Config { levels: fine.levels - 1, ..fine };
+        let kinds = if args.paths.is_empty() { &SCALING_PATHS[..] } else { &args.paths };
+        let frames = args.frames.unwrap_or(SCALING_FRAMES);
+        let options = Options { size: self.size, frames, stop: &STOP };
+        let mut paths = Vec::new();
+        // [thesis, pool] of each path, coarse and fine.
+        let mut medians = vec![[[None; 2]; 2]; kinds.len()];
+        for (step, (config, cell)) in [(coarse, 2.0 * args.cell), (fine, args.cell)].into_iter().enumerate() {
+            let (world, _) = world(args, cell, 2.0 * args.cell)?;
+            if paths.is_empty() {
+                let stage = frames::stage(&world, config);
+                paths = kinds.iter().map(|kind| kind.path(&stage, args.seed)).collect::<Result<_, _>>()?;
+            }
+            let mut thesis = self.thesis(config)?;
+            for (path, medians) in paths.iter().zip(&mut medians) {
+                self.say(format_args!("scaling: cells of {cell}, {}", path.name().unwrap_or("path")));
+                // A short film: what streams in meanwhile is not asked for.
+                let median = |times: &[FrameTimes]| stat(times, |t| t.trace_ms).map(|s| s.median);
+                let run = frames::run_pool(self.gpu, &world, config, path, &options)?;
+                medians[1][step] = median(&run.drawn);
+                if let Some(thesis) = &mut thesis {
+                    let run = frames::run_thesis(&world, config, path, thesis, &options, &[])?;
+                    medians[0][step] = median(&run.drawn);
+                }
+            }
+        }
+        let cells = [coarse, fine].map(|config| f64::from(config.side()).powi(2));
+        for (pipeline, k) in [(Pipeline::Thesis, 0), (Pipeline::Pool, 1)] {
+            for (path, medians) in paths.iter().zip(&medians) {
+                let [Some(less), Some(more)] = medians[k] else { continue };
+                self.report.scaling.push(ScalingRow {
+                    what: format!("trace, {}, {}", pipeline.name(), path.name().unwrap_or("path")),
+                    of: "cells".to_owned(),
+                    amount: cells,
+                    ms: [less, more],
+                    ratio: more / less,
+                });
+            }
+        }
+        if !args.inputs.is_empty() {
+            return Ok(());
+        }
+        let all = args.points.unwrap_or(INGEST_POINTS);
+        let mut read = Vec::new();
+        for points in [(all / 4).max(1), all] {
+            let options = IngestOptions {
+                points,
+                cell: Some(args.cell),
+                cold: false,
+                runs: LOAD_RUNS,
+                threads: vec![std::thread::available_parallelism().map_or(1, |n| n.get() as u32)],
+                ..IngestOptions::default()
+            };
+            read.push(ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP)?);
+        }
+        for (less, more) in read[0].iter().zip(&read[1]) {
+            let rows = [less, more];
+            let ms = rows.map(|row| row.points as f64 / row.total_mpts_s / 1e3);
+            self.report.scaling.push(ScalingRow {
+                what: format!("read and binned, {}, {} threads", less.file, less.threads),
+                of: "points".to_owned(),
+                amount: rows.map(|row| row.points as f64),
+                ms,
+                ratio: ms[1] / ms[0],
+            });
+        }
+        Ok(())
+    }
+
+    /// Embree.
+    #[cfg(feature = "embree")]
+    fn peer(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let (world, _) = world(args, args.cell, args.cell)?;
+        let size = args.size.unwrap_or(PEER_SIZE);
+        check_size(self.gpu, size)?;
+        let mut say = |what: &str| self.say(format_args!("{what}"));
+        self.report.peer = bench::peer::run(self.gpu, &world, size, &mut say)?;
+        Ok(())
+    }
+
     /// Reading and binning.
     fn ingest(&mut self) -> anyhow::Result<()> {
         let args = self.args;
-        let found = inputs::expand(&args.inputs);
-        if let Some(error) = found.failed.first() {
-            anyhow::bail!("{error}");
-        }
         let options = IngestOptions {
             points: args.points.unwrap_or(INGEST_POINTS),
-            files: found.files,
+            files: self.files()?,
             cell: Some(args.cell),
             ..IngestOptions::default()
         };
