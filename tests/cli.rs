@@ -1004,7 +1004,9 @@ fn good_real_files_are_drawn_without_complaint() {
 #[test]
 fn help_is_readable() {
     let folder = tempfile::tempdir().unwrap();
-    for arguments in [&["--help"][..], &["render", "--help"], &["bench", "--help"], &["synth", "--help"], &["--version"]] {
+    for arguments in
+        [&["--help"][..], &["render", "--help"], &["bench", "--help"], &["synth", "--help"], &["--version"]]
+    {
         let output = Command::new(env!("CARGO_BIN_EXE_lasray"))
             .args(arguments)
             .current_dir(folder.path())

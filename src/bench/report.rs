@@ -292,6 +292,8 @@ pub struct LoadRow {
     pub read_s: Stat,
     /// Ours: packed, copied and derived.
     pub upload_s: Stat,
+    /// Ours: of that, the host's time to pack.
+    pub pack_s: Stat,
     /// Ours: all of it.
     pub total_s: Stat,
 }
@@ -632,12 +634,13 @@ fn load_lines(out: &mut String, row: &LoadRow) {
     let ratio = |stat: &Stat| number(stat.median / row.total_s.median);
     let _ = writeln!(
         out,
-        "  pool, {} threads: {} all (open {}, read and bin {}, pack, copy and derive {})",
+        "  pool, {} threads: {} all (open {}, read and bin {}, pack, copy and derive {}, packing {} of it)",
         row.threads,
         s(&row.total_s),
         s(&row.open_s),
         s(&row.read_s),
-        s(&row.upload_s)
+        s(&row.upload_s),
+        s(&row.pack_s)
     );
     let _ = writeln!(
         out,
