@@ -24,7 +24,7 @@ struct Here {
     uint slot;
     uvec2 pyramid;
     int base, level, finest;
-    bool wide;
+    uint wide;
 };
 
 // Highest thing in a node; NOTHING where there is none.
@@ -35,13 +35,14 @@ float top_of(inout Here here, int level, ivec2 node) {
         for (int l = max(level, frame.section_level); l >= max(level, int(SECTION_LOG2)); l--) {
             uint slot = find_node(uint(l), node >> l - level);
             if (slot == NO_NODE) continue;
-            uint meta = NODE[slot].meta;
-            if ((meta & NODE_SECTION) != 0u && level < l) {
-                here = Here(node >> l - level, slot, NODE[slot].pyramid, NODE[slot].base, l,
-                            int(meta >> 16u & 0xFFu), (meta & NODE_WIDE) != 0u);
+            uint top = NODE[slot].top;
+            if (is_section(top) && level < l) {
+                uvec2 pyramid = NODE[slot].pyramid;
+                here = Here(node >> l - level, slot, pyramid_place(pyramid), NODE[slot].base, l, l - int(SECTION_LOG2),
+                            pyramid_wide(pyramid));
                 break;
             }
-            if (l == level) return NODE[slot].top;
+            if (l == level) return uintBitsToFloat(top);
         }
         if (here.slot == NO_NODE) return NOTHING;
     }
@@ -49,7 +50,7 @@ float top_of(inout Here here, int level, ivec2 node) {
     int at = max(level, here.finest);
     uint l = uint(at - here.finest), side = SECTION_SIDE >> l;
     uvec2 inner = uvec2(node >> at - level) & (side - 1u);
-    uint code = load_code(here.pyramid, 0u, pyramid_offset(l) + inner.y * side + inner.x, here.wide);
+    uint code = pyramid_code(here.pyramid, pyramid_offset(l) + inner.y * side + inner.x, here.wide);
     return code == 0u ? NOTHING : float(here.base + int(code));
 }
 

@@ -41,17 +41,18 @@ struct Frame {
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).
 struct Node {
     uvec2 key;    // level << 26 | index east (26 bits), index north; NO_KEY: unused
-    float top;    // highest thing below, lattice steps from the anchor, rounded up
-    uint meta;    // level | SECTION | wide << 10 | detail level << 16
+    uint top;     // highest thing below, lattice steps from the anchor, rounded up: bits of a float, the last set for sections
+    uint meta;    // level | detail level << 16
     uvec2 place;   // of the section's payload
-    uvec2 pyramid; // of its pyramid
+    uvec2 pyramid; // of its pyramid; the last bit is set where codes are wide
     int base;      // lattice height of code 0, from the anchor
     uint beside[4]; // slots of the sections of its size to the east, west, north and south, or NO_NODE
-    uint pad[3];    // a cache line
+    uint attributes; // words that its attributes take
+    uint pad[2];    // a cache line
 };
 const uint NO_KEY = 0xFFFFFFFFu;
-const uint NODE_SECTION = 0x200u;
-const uint NODE_WIDE = 0x400u;
+
+bool is_section(uint top) { return (top & 1u) != 0u; }
 
 #ifdef POOL_SSBO
 layout(set = 0, binding = 1, scalar) readonly buffer Table { Node nodes[]; };
@@ -66,6 +67,8 @@ layout(set = 0, binding = 7, scalar) buffer WideBeams { vec2 wide_beams[]; };
 #define NODE nodes
 #define HIT hits
 #define COLOR colors
+layout(set = 0, binding = 4, scalar) writeonly buffer Screen { uint screen[]; };
+#define SCREEN_IMAGE screen
 #define RAMP ramp
 #else
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Table { Node nodes[]; };
@@ -79,6 +82,8 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Beams { vec2
 #define NODE Table(frame.table).nodes
 #define HIT Hits(frame.hits).hits
 #define COLOR Colors(frame.colors).colors
+layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Screen { uint screen[]; };
+#define SCREEN_IMAGE Screen(frame.colors).screen
 #define RAMP Ramp(frame.ramp).ramp
 #endif
 layout(push_constant, scalar) uniform Push {

@@ -25,8 +25,8 @@ PlainNode plain_node(ivec2 cell, int level) {
     node.there = false;
     if (node.slot != NO_NODE) {
         uint element = pyramid_offset(uint(level)) + node.inner.y * (SECTION_SIDE >> level) + node.inner.x;
-        bool wide = (NODE[node.slot].meta & NODE_WIDE) != 0u;
-        uint code = load_code(NODE[node.slot].pyramid, 0u, element, wide);
+        uvec2 pyramid = NODE[node.slot].pyramid;
+        uint code = pyramid_code(pyramid_place(pyramid), element, pyramid_wide(pyramid));
         node.top = NODE[node.slot].base + int(code);
         node.there = code != 0u;
     }

@@ -10,6 +10,7 @@
 layout(set = 0, binding = 0, scalar) buffer PoolWords { uint pool_words[]; };
 
 uint pool_load(uvec2 place, uint word) { return pool_words[place.x + word]; }
+uvec2 pool_back(uvec2 place, uint words) { return uvec2(place.x - words, place.y); }
 void pool_store(uvec2 place, uint word, uint value) { pool_words[place.x + word] = value; }
 
 #else
@@ -17,6 +18,11 @@ void pool_store(uvec2 place, uint word, uint value) { pool_words[place.x + word]
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint w[]; };
 
 uint pool_load(uvec2 place, uint word) { return Words(place).w[word]; }
+// The place `words` before.
+uvec2 pool_back(uvec2 place, uint words) {
+    uint borrow, low = usubBorrow(place.x, 4u * words, borrow);
+    return uvec2(low, place.y - borrow);
+}
 void pool_store(uvec2 place, uint word, uint value) { Words(place).w[word] = value; }
 
 #endif

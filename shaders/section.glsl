@@ -35,6 +35,20 @@ uint load_code(uvec2 place, uint start, uint index, bool wide) {
     return (index & 1u) == 0u ? word & 0xFFFFu : word >> 16u;
 }
 
+// A section's pyramid and whether its codes are wide, from the table's word for both.
+uvec2 pyramid_place(uvec2 marked) { return uvec2(marked.x & ~1u, marked.y); }
+uint pyramid_wide(uvec2 marked) { return marked.x & 1u; }
+
+// Code `index` of a pyramid: two a word, or one.
+uint pyramid_code(uvec2 place, uint index, uint wide) {
+    uint word = pool_load(place, index >> 1u - wide);
+    return wide != 0u ? word : word >> (index & 1u) * 16u & 0xFFFFu;
+}
+
+// The tops plane lies before the bridges, and those before the pyramid.
+const uint TOPS_BEFORE_PYRAMID = 65536u + 16384u;
+uvec2 tops_place(uvec2 pyramid) { return pool_back(pyramid, TOPS_BEFORE_PYRAMID); }
+
 // A bridged top's source, 1..81, as the offset in cells to the measured column it copies; 0 means measured.
 uint encode_bridge(ivec2 offset) { return uint((offset.y + 4) * 9 + offset.x + 4) + 1u; }
 ivec2 decode_bridge(uint code) { return ivec2(int(code - 1u) % 9 - 4, int(code - 1u) / 9 - 4); }

@@ -8,37 +8,17 @@
 #include "pool.glsl"
 #include "section.glsl"
 #include "frame.glsl"
+#include "color.glsl"
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
-
-const uint ORIGIN_MEASURED = 0u;
-const uint ORIGIN_BRIDGED = 1u;
-
-vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055, vec3(2.4)), greaterThan(srgb, vec3(0.04045))); }
-
-vec3 bytes(uint packed_bytes) { return vec3(packed_bytes & 0xFFu, packed_bytes >> 8u & 0xFFu, packed_bytes >> 16u & 0xFFu) / 255.0; }
-
-// The section that the last look-up was in: neighbours are nearly always in the same one.
-struct Here {
-    ivec2 section;
-    uint slot;
-    uint level; // log2 cells of its side
-};
-
-void go_to(inout Here here, ivec2 column) {
-    ivec2 section = column >> int(SECTION_LOG2);
-    if (section == here.section) return;
-    here.section = section;
-    here.slot = find_node(here.level, section);
-}
 
 // Top of `column` (cells of this detail level), lattice steps from the anchor; false where there is none.
 bool top_at(inout Here here, ivec2 column, out float top) {
     go_to(here, column);
     if (here.slot == NO_NODE) return false;
-    uint meta = NODE[here.slot].meta;
+    uvec2 pyramid = NODE[here.slot].pyramid;
     uvec2 inner = uvec2(column) & (SECTION_SIDE - 1u);
-    uint code = load_code(NODE[here.slot].pyramid, 0u, inner.y * SECTION_SIDE + inner.x, (meta & NODE_WIDE) != 0u);
+    uint code = pyramid_code(pyramid_place(pyramid), inner.y * SECTION_SIDE + inner.x, pyramid_wide(pyramid));
     top = float(NODE[here.slot].base + int(code));
     return code != 0u;
 }
@@ -86,14 +66,6 @@ float sky_at(inout Here here, ivec2 column, float z, vec2 outward, float cell_st
     return seen / max(all_ways, 1.0);
 }
 
-vec3 sky(vec3 direction) {
-    // A bright haze at the horizon, soft blue above, quiet grey below.
-    float up = direction.z;
-    vec3 above = mix(vec3(0.80, 0.87, 0.94), vec3(0.30, 0.49, 0.76), smoothstep(0.0, 0.7, up));
-    vec3 below = mix(vec3(0.80, 0.85, 0.90), vec3(0.60, 0.65, 0.70), smoothstep(0.0, 0.8, -up));
-    return up >= 0.0 ? above : below;
-}
-
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
@@ -109,9 +81,7 @@ void main() {
     vec4 color = vec4(0.0);
     uint bits = 256u; // class 256: a miss
     if (hit.y == NO_NODE) {
-        if (frame.background == 1u) color = vec4(1.0);
-        if (frame.background == 2u) color = vec4(linear_of(sky(ray.world)), 1.0);
-        color.a = frame.background == 0u ? 0.0 : 1.0;
+        color = background(ray.world);
     } else {
         uint meta = NODE[hit.y].meta;
         int detail = int(meta >> 16u & 0xFFu);
@@ -120,41 +90,11 @@ void main() {
         Here here = Here(index_of(hit.y), hit.y, meta & 0xFFu);
         ivec2 column = index_of(hit.y) * int(SECTION_SIDE) + ivec2(inner);
 
-        // The run on show; a bridged column shows the run of the column it was taken from.
-        uvec2 place = NODE[hit.y].place;
-        uint ordered = block_order(inner);
-        uint bridge = pool_load(place, pool_load(place, HEADER_BRIDGES) + ordered / 4u) >> (8u * (ordered & 3u)) & 0xFFu;
-        if (bridge != 0u) {
-            ivec2 source = column + decode_bridge(bridge);
-            go_to(here, source);
-            place = here.slot == NO_NODE ? uvec2(0) : NODE[here.slot].place;
-            ordered = block_order(uvec2(source) & (SECTION_SIDE - 1u));
-        }
-        // A neighbour that has been built but not named yet shows black for a frame.
-        uint run = place == uvec2(0) ? NO_RUN : pool_load(place, pool_load(place, HEADER_TOPS) + ordered);
-        uint first = 0u, second = 0u;
-        if (run != NO_RUN) {
-            uint attributes = pool_load(place, HEADER_ATTRIBUTES) + 2u * run;
-            first = pool_load(place, attributes);
-            second = pool_load(place, attributes + 1u);
-        }
-
+        Seen seen = seen_at(here, column, hit.w);
         float top = float(int(hit.w));
-        vec3 albedo;
-        if (frame.color_source == 0u) {
-            albedo = bytes((first & 0xFFu) | (second >> 24u) << 8u | (second >> 16u & 0xFFu) << 16u);
-        } else {
-            uint value = frame.color_source == 1u ? (hit.w + uint(frame.height_anchor)) ^ 0x80000000u
-                       : frame.color_source == 2u ? first >> 24u
-                       : frame.color_source == 3u ? first >> 8u & 0xFFFFu
-                                                  : second >> 8u & 0xFFu;
-            float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, 255.0) : 0.0;
-            uint entry = uint(at_entry);
-            albedo = mix(RAMP[entry].rgb, RAMP[min(entry + 1u, 255u)].rgb, at_entry - float(entry));
-        }
-        albedo = linear_of(albedo);
+        vec3 albedo = linear_of(seen.srgb);
         color = vec4(albedo, 1.0);
-        bits = first >> 24u | (bridge != 0u ? ORIGIN_BRIDGED : ORIGIN_MEASURED) << 9u | face << 12u;
+        bits = bits_of(seen, face);
 
         if (frame.shade == 1u) {
             float cell_steps = frame.cell_steps * float(1 << detail);

@@ -41,6 +41,9 @@ uvec4 plain_hit(float t, PlainNode node, ivec2 cell, uint face) {
 
 #include "plain.glsl"
 
+// As the thesis does it, a word a pixel; or records for checks.
+layout(constant_id = 2) const bool SCREEN = false;
+
 vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055, vec3(2.4)), greaterThan(srgb, vec3(0.04045))); }
 
 void main() {
@@ -50,9 +53,13 @@ void main() {
     window_low = frame.low;
     side_log2 = frame.table_mask;
     uvec4 hit = trace(ray_at(sample_of(pixel)));
-    vec4 color = vec4(0.0);
-    if (hit.y != NO_NODE) color = vec4(linear_of(unpackUnorm4x8(ColorMap(frame.ramp).rgba[hit.y]).rgb), 1.0);
     uint at = pixel.y * frame.width + pixel.x;
-    COLOR[at] = color;
-    HIT[at] = hit;
+    uint rgba = 0u;
+    if (hit.y != NO_NODE) rgba = ColorMap(frame.ramp).rgba[hit.y];
+    if (SCREEN) {
+        SCREEN_IMAGE[at] = rgba;
+    } else {
+        COLOR[at] = vec4(linear_of(unpackUnorm4x8(rgba).rgb), hit.y == NO_NODE ? 0.0 : 1.0);
+        HIT[at] = hit;
+    }
 }

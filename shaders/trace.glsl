@@ -98,8 +98,10 @@ Hit trace(Ray ray, float start, int level) {
             east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
             t_exit = max(east ? ts.x : ts.y, t);
             hit.slot = find_node(uint(level), node ^ flip);
-            bool down = hit.slot != NO_NODE && fma(falls ? t_exit : t, walk.dz, walk.z0) <= NODE[hit.slot].top;
-            if (down && (NODE[hit.slot].meta & NODE_SECTION) != 0u) break;
+            uint top = hit.slot != NO_NODE ? NODE[hit.slot].top : 0u;
+            // A ray that starts below the table's levels is near something.
+            bool down = hit.slot != NO_NODE && (fma(falls ? t_exit : t, walk.dz, walk.z0) <= uintBitsToFloat(top) || first < level);
+            if (down && is_section(top)) break;
             if (down) {
                 level--;
                 node = node * 2 + past(walk, (node * 2 + 1) << level, t);
@@ -136,8 +138,9 @@ Hit trace(Ray ray, float start, int level) {
         // From section to section, as long as they are of one size.
         while (true) {
         uvec2 pyramid = NODE[hit.slot].pyramid;
+        uint wide = pyramid_wide(pyramid);
+        pyramid = pyramid_place(pyramid);
         int base = NODE[hit.slot].base;
-        uint wide = NODE[hit.slot].meta >> 10u & 1u;
         while (true) {
             hit.steps++;
             vec2 ts = t_at(walk, node + 1 << level);
@@ -146,9 +149,7 @@ Hit trace(Ray ray, float start, int level) {
             uint l = uint(level - finest), side = SECTION_SIDE >> l;
             uvec2 inner = uvec2(node ^ flip) & (side - 1u);
             uint index = pyramid_offset(l) + (inner.y << SECTION_LOG2 - l) + inner.x;
-            // Two codes a word, or one.
-            uint word = pool_load(pyramid, index >> 1u - wide);
-            uint code = wide != 0u ? word : (word >> (index & 1u) * 16u) & 0xFFFFu;
+            uint code = pyramid_code(pyramid, index, wide);
             int highest = base + int(code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
             if (down && level == finest) {
@@ -174,13 +175,14 @@ Hit trace(Ray ray, float start, int level) {
             }
         }
         if (found || done) break;
-        // The level stays as it is: what is near the ray here is near it there.
+        // The level stays as it is: what is near the ray here is near it there. What has climbed to the section's
+        // own size goes on in the table, which skips more.
+        if (level == ceiling - 1) break;
         uint next = NODE[hit.slot].beside[face == FACE_WEST ? walk.mirror.x : 2 + walk.mirror.y];
         if (next == NO_NODE) break;
         hit.slot = next;
-        int up = min(1, ceiling - 1 - level);
-        level += up;
-        node >>= up;
+        level++;
+        node >>= 1;
         }
         if (found) {
             // What the window does not hold is not there; the ray has left it, then.
@@ -201,4 +203,14 @@ Hit trace(Ray ray, float start, int level) {
     }
     hit.slot = NO_NODE;
     return hit;
+}
+
+// The hit of a pixel of the band behind the beam of its tile.
+Hit trace_pixel(uvec2 pixel, Ray ray) {
+    uvec2 tile = pixel / TILE;
+    vec2 beam = BEAM[tile.y * ((frame.width + TILE - 1u) / TILE) + tile.x];
+    // A little before, for rounding.
+    float start = beam.x * ray.unit;
+    start = max(start - 1e-6 * abs(start), ray.start);
+    return trace(ray, start, min(int(beam.y), frame.top_level));
 }

@@ -142,9 +142,6 @@ impl Pool {
             times.trace_ms = match &mut self.clock {
                 Some(clock) => {
                     let stages = clock.resolve(&mut self.scene.order, point)?;
-                    if std::env::var_os("STAGES").is_some() {
-                        eprintln!("{stages:?}");
-                    }
                     stages.iter().map(|(_, ns)| ns / 1e6).sum()
                 }
                 None => times.trace_wall_ms,

@@ -112,7 +112,8 @@ pub struct Thesis {
     config: Config,
     order: Order,
     sections: VecDeque<Section>,
-    trace: ComputePipeline,
+    /// For the screen; and with records of the hits, for checks.
+    trace: [ComputePipeline; 2],
     group: [u32; 2],
     staging: Buffer,
     heights: Buffer,
@@ -154,8 +155,12 @@ fn cut<'a, T: Copy + 'a>(to: &mut [T], n: usize, low: [i32; 2], plane: impl Fn([
 impl Thesis {
     /// For pictures of `size`; `group`: pixels a workgroup covers.
     pub fn new(gpu: &Gpu, config: Config, size: [u32; 2], group: [u32; 2]) -> Result<Thesis, GpuError> {
-        let constants = [(0, group[0]), (1, group[1])];
-        let push = size_of::<Push>() as u32;
+        let kernel = |screen: bool| {
+            let constants = [(0, group[0]), (1, group[1]), (2, u32::from(screen))];
+            let push_bytes = size_of::<Push>() as u32;
+            let bindings = [BindingKind::Uniform];
+            ComputePipeline::new(gpu, "thesis", shaders::THESIS, &constants, push_bytes, &bindings)
+        };
         let pixels = 16 * u64::from(size[0]) * u64::from(size[1]);
         let make = |name: &str, kind, bytes| Buffer::new(gpu, name, kind, bytes);
         let height_bytes = 4 * config.heights() as u64;
@@ -165,14 +170,7 @@ impl Thesis {
             config,
             order: Order::new(gpu, 1)?,
             sections: VecDeque::new(),
-            trace: ComputePipeline::new(
-                gpu,
-                "thesis",
-                shaders::THESIS,
-                &constants,
-                push,
-                &[BindingKind::Uniform],
-            )?,
+            trace: [kernel(true)?, kernel(false)?],
             group,
             staging: make("camera section, host", MemoryKind::Upload, config.bytes())?,
             heights: make("camera section, heights", MemoryKind::Device, height_bytes)?,
@@ -302,9 +300,10 @@ impl Thesis {
         if let Some(clock) = clock.as_mut() {
             clock.begin(&mut commands);
         }
-        commands.bind(&self.trace);
+        let kernel = &self.trace[usize::from(read)];
+        commands.bind(kernel);
         commands.push(bytemuck::bytes_of(&Push::whole(self.size)));
-        commands.bind_buffers(&self.trace.binding(&[&self.constants])?);
+        commands.bind_buffers(&kernel.binding(&[&self.constants])?);
         commands.dispatch([self.size[0].div_ceil(self.group[0]), self.size[1].div_ceil(self.group[1]), 1]);
         if let Some(clock) = clock {
             clock.end(&mut commands, "trace");

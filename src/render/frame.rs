@@ -13,6 +13,7 @@ use crate::stream::scene::Scene;
 use crate::stream::table::Table;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use std::collections::HashMap;
 
 /// Which traversal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -302,6 +303,14 @@ struct Target {
     colors_back: Buffer,
 }
 
+/// A program for exact pictures: only what they need is in it.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+struct Exact {
+    bridges: bool,
+    ramped: bool,
+    screen: bool,
+}
+
 /// Makes pictures of a scene.
 pub struct Renderer {
     wide_beams: ComputePipeline,
@@ -309,6 +318,8 @@ pub struct Renderer {
     trace: ComputePipeline,
     plain: ComputePipeline,
     shade: ComputePipeline,
+    /// Trace and exact colours in one; made when first used.
+    exact: HashMap<Exact, ComputePipeline>,
     access: Access,
     in_flight: Vec<Option<InFlight>>,
     target: Option<Target>,
@@ -368,6 +379,8 @@ struct Band {
     samples: u32,
     /// What it draws is copied back.
     read: bool,
+    /// Bytes for the screen, where the picture is exact, instead of sums and records.
+    screen: bool,
 }
 
 impl Renderer {
@@ -380,14 +393,6 @@ impl Renderer {
                 Access::StorageBuffer => (by_buffer, &BUFFERS[..]),
             };
             let constants = [(0, GROUP[0]), (1, GROUP[1])];
-            let hack: Option<Vec<u32>> = std::env::var(format!("SPV_{}", name)).ok().map(|p| {
-                std::fs::read(p)
-                    .unwrap()
-                    .chunks(4)
-                    .map(|c| u32::from_le_bytes(c.try_into().unwrap()))
-                    .collect()
-            });
-            let words = hack.as_deref().unwrap_or(words);
             ComputePipeline::new(scene.gpu(), name, words, &constants, size_of::<Push>() as u32, buffers)
         };
         let beams = |name, side: u32, before: u32| {
@@ -404,6 +409,7 @@ impl Renderer {
             trace: pass("trace", shaders::TRACE, shaders::TRACE_SSBO)?,
             plain: pass("plain", shaders::PLAIN, shaders::PLAIN_SSBO)?,
             shade: pass("shade", shaders::SHADE, shaders::SHADE_SSBO)?,
+            exact: HashMap::new(),
             access,
             in_flight: Vec::new(),
             target: None,
@@ -425,7 +431,8 @@ impl Renderer {
             let rows = band_rows(view.size).min(height - first_row);
             let mut last = None;
             for sample in 0..samples {
-                let band = Band { first_row, rows, sample, samples, read: sample + 1 == samples };
+                let band =
+                    Band { first_row, rows, sample, samples, read: sample + 1 == samples, screen: false };
                 last = Some(self.submit(scene, view, &table, &rays, band, None)?);
             }
             let point = last.expect("there is a sample");
@@ -454,8 +461,27 @@ impl Renderer {
     ) -> Result<SyncPoint, FrameError> {
         let rays = Rays::of(view, self.grid.cell())?;
         assert_eq!(band_rows(view.size), view.size[1], "a picture of one band");
-        let band = Band { first_row: 0, rows: view.size[1], sample: 0, samples: 1, read: false };
+        let band =
+            Band { first_row: 0, rows: view.size[1], sample: 0, samples: 1, read: false, screen: true };
         self.submit(scene, view, table, &rays, band, clock)
+    }
+
+    /// The program for exact pictures that need so much.
+    fn exact(&mut self, gpu: &Gpu, exact: Exact) -> Result<ComputePipeline, GpuError> {
+        if let Some(program) = self.exact.get(&exact) {
+            return Ok(program.clone());
+        }
+        let (words, buffers) = match self.access {
+            Access::Address => (shaders::EXACT, &[BindingKind::Uniform][..]),
+            Access::StorageBuffer => (shaders::EXACT_SSBO, &BUFFERS[..]),
+        };
+        let Exact { bridges, ramped, screen } = exact;
+        let flags = [(2, bridges), (3, ramped), (4, screen)].map(|(id, on)| (id, u32::from(on)));
+        let constants = [[(0, GROUP[0]), (1, GROUP[1])].as_slice(), &flags].concat();
+        let push_bytes = size_of::<Push>() as u32;
+        let program = ComputePipeline::new(gpu, "exact", words, &constants, push_bytes, buffers)?;
+        self.exact.insert(exact, program.clone());
+        Ok(program)
     }
 
     /// What a frame may see now.
@@ -530,14 +556,27 @@ impl Renderer {
 
         let tiles = |side: u32| [view.size[0].div_ceil(side).div_ceil(GROUP[0]), band.rows.div_ceil(side), 1];
         let pixels = [view.size[0].div_ceil(GROUP[0]), band.rows.div_ceil(GROUP[1]), 1];
-        let traced = match view.traversal {
-            Traversal::Fast => vec![
-                ("wide beams", &self.wide_beams, tiles(WIDE_TILE)),
-                ("beams", &self.beams, tiles(TILE)),
-                ("trace", &self.trace, pixels),
-            ],
-            Traversal::Plain => vec![("trace", &self.plain, pixels)],
-        };
+        let mut passes = vec![];
+        if view.traversal == Traversal::Fast {
+            passes.push(("wide beams", self.wide_beams.clone(), tiles(WIDE_TILE)));
+            passes.push(("beams", self.beams.clone(), tiles(TILE)));
+        }
+        match (view.traversal, view.shade) {
+            (Traversal::Fast, Shade::None) => {
+                let exact = Exact {
+                    bridges: scene.visibility().bridge > 0,
+                    ramped: view.colors.mode != ColorMode::Rgb,
+                    screen: band.screen,
+                };
+                passes.push(("trace", self.exact(&gpu, exact)?, pixels));
+            }
+            (traversal, _) => {
+                let trace = if traversal == Traversal::Fast { &self.trace } else { &self.plain };
+                passes.push(("trace", trace.clone(), pixels));
+                passes.push(("shade", self.shade.clone(), pixels));
+            }
+        }
+        let target = self.target.as_ref().expect("prepared");
         for buffer in [
             &buffers.frame,
             &buffers.table,
@@ -579,15 +618,13 @@ impl Renderer {
         if let Some(clock) = clock.as_mut() {
             clock.begin(&mut commands);
         }
-        for (pass, (name, program, groups)) in
-            traced.into_iter().chain([("shade", &self.shade, pixels)]).enumerate()
-        {
+        for (pass, (name, program, groups)) in passes.into_iter().enumerate() {
             if pass > 0 {
                 scene.order.next_pass(&mut commands);
             }
-            commands.bind(program);
+            commands.bind(&program);
             commands.push(bytemuck::bytes_of(&push));
-            commands.bind_buffers(&bindings(program)?);
+            commands.bind_buffers(&bindings(&program)?);
             commands.dispatch(groups);
             if let Some(clock) = clock.as_mut() {
                 clock.end(&mut commands, name);
@@ -663,18 +700,11 @@ fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_in, members};
+    use crate::gpu::layout::{assert_in, members, readers_of_tables};
 
     #[test]
     fn shaders_see_the_structs_as_they_are_written() {
-        let traversals = [
-            ("trace", shaders::TRACE),
-            ("trace, POOL_SSBO", shaders::TRACE_SSBO),
-            ("plain", shaders::PLAIN),
-            ("plain, POOL_SSBO", shaders::PLAIN_SSBO),
-            ("shade", shaders::SHADE),
-            ("shade, POOL_SSBO", shaders::SHADE_SSBO),
-        ];
+        let readers = readers_of_tables();
         let constants = members!(FrameConstants {
             table,
             hits,
@@ -710,7 +740,7 @@ mod tests {
             background,
             floor,
         });
-        assert_in(&traversals, &constants);
-        assert_in(&traversals, &members!(Push { sample_at, sample_index, sample_weight, first_row, rows }));
+        assert_in(&readers, &constants);
+        assert_in(&readers, &members!(Push { sample_at, sample_index, sample_weight, first_row, rows }));
     }
 }

@@ -606,7 +606,8 @@ impl Scene {
                 let layout = &version.layout;
                 let place = self.pool.place(&version.slot);
                 let pyramid = self.pool.place_of_word(&version.slot, layout.pyramid);
-                Some(Entry { key: *key, place, pyramid, code: layout.code, top })
+                let attributes = layout.uploaded_words - layout.attributes;
+                Some(Entry { key: *key, place, pyramid, attributes, code: layout.code, top })
             })
             .collect();
         entries.sort_unstable_by_key(|e| e.key);
@@ -626,6 +627,11 @@ impl Scene {
     /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// What is shown.
+    pub fn visibility(&self) -> Visibility {
+        self.visibility
     }
 
     /// Side of a finest cell, CRS units.

@@ -15,37 +15,47 @@ use std::collections::HashMap;
 pub struct Node {
     /// Level (log2 cells) << 26 | index east (26 bits), index north; all ones in the first: unused.
     pub key: [u32; 2],
-    /// Highest thing below, lattice steps from the anchor, rounded up.
-    pub top: f32,
-    /// Level | SECTION | WIDE | detail level << 16.
+    /// Highest thing below, lattice steps from the anchor, rounded up; bits of an f32, the last one set for sections.
+    pub top: u32,
+    /// Level | detail level << 16.
     pub meta: u32,
     /// Where the payload lies: its device address (or word), low half first.
     pub place: [u32; 2],
-    /// Where its pyramid lies.
+    /// Where its pyramid lies; the last bit is set where codes are wide.
     pub pyramid: [u32; 2],
     /// Lattice height of code 0, from the anchor.
     pub base: i32,
     /// Slots of the sections of its size to the east, west, north and south; all ones where there is none.
     pub beside: [u32; 4],
+    /// Words that its attributes take.
+    pub attributes: u32,
     /// Up to a cache line.
-    pub pad: [u32; 3],
+    pub pad: [u32; 2],
 }
 
 const _: () = assert!(size_of::<Node>() == 64);
 
-const SECTION: u32 = 0x200;
-const WIDE: u32 = 0x400;
+/// In `top`.
+const SECTION: u32 = 1;
+/// In `pyramid`: words are aligned to more.
+const WIDE: u32 = 1;
+
+/// The f32 at or above `top` whose last bit is `section`.
+fn marked(top: f32, section: u32) -> u32 {
+    if top.to_bits() & 1 == section { top.to_bits() } else { top.next_up().to_bits() }
+}
 
 /// The slot of no node.
 const UNUSED: Node = Node {
     key: [u32::MAX; 2],
-    top: 0.0,
+    top: 0,
     meta: 0,
     place: [0; 2],
     pyramid: [0; 2],
     base: 0,
     beside: [u32::MAX; 4],
-    pad: [0; 3],
+    attributes: 0,
+    pad: [0; 2],
 };
 
 /// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
@@ -62,6 +72,8 @@ pub struct Entry {
     pub place: [u32; 2],
     /// Its pyramid's.
     pub pyramid: [u32; 2],
+    /// Words that its attributes take.
+    pub attributes: u32,
     /// How it stores heights.
     pub code: HeightCode,
     /// Nothing that it shows is higher.
@@ -128,13 +140,13 @@ impl Table {
         for e in entries {
             let (level, index) = node_of(e);
             let top = steps_above(e.top, anchor);
-            let wide = if e.code.wide { WIDE } else { 0 };
             let node = Node {
                 key: key(level, index),
-                meta: level | SECTION | wide | u32::from(e.key.level) << 16,
-                top,
+                meta: level | u32::from(e.key.level) << 16,
+                top: marked(top, SECTION),
                 place: e.place,
-                pyramid: e.pyramid,
+                pyramid: [e.pyramid[0] | if e.code.wide { WIDE } else { 0 }, e.pyramid[1]],
+                attributes: e.attributes,
                 base: e.code.base.wrapping_sub(anchor.0),
                 ..UNUSED
             };
@@ -145,11 +157,11 @@ impl Table {
                 let node = nodes.entry((above, index)).or_insert(Node {
                     key: key(above, index),
                     meta: above,
-                    top,
+                    top: marked(top, 0),
                     ..UNUSED
                 });
-                assert!(node.meta & SECTION == 0, "{:?} lies under a coarser section", e.key);
-                node.top = node.top.max(top);
+                assert!(node.top & SECTION == 0, "{:?} lies under a coarser section", e.key);
+                node.top = marked(f32::from_bits(node.top).max(top), 0);
             }
         }
 
@@ -166,7 +178,7 @@ impl Table {
                 slot = (slot + 1) & (size - 1);
             }
             slots[slot] = node;
-            if node.meta & SECTION != 0 {
+            if node.top & SECTION != 0 {
                 slot_of.insert((level, index), slot);
             }
         }
@@ -187,20 +199,14 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_in, members};
-    use crate::gpu::shaders;
+    use crate::gpu::layout::{assert_in, members, readers_of_tables};
 
     #[test]
     fn shaders_see_nodes_as_they_are_written() {
-        let readers = [
-            ("trace", shaders::TRACE),
-            ("trace, POOL_SSBO", shaders::TRACE_SSBO),
-            ("plain", shaders::PLAIN),
-            ("plain, POOL_SSBO", shaders::PLAIN_SSBO),
-            ("shade", shaders::SHADE),
-            ("shade, POOL_SSBO", shaders::SHADE_SSBO),
-        ];
-        assert_in(&readers, &members!(Node { key, top, meta, place, pyramid, base, beside, pad }));
+        assert_in(
+            &readers_of_tables(),
+            &members!(Node { key, top, meta, place, pyramid, base, beside, attributes, pad }),
+        );
     }
 
     fn entry(i: i32, j: i32, top: i32) -> Entry {
@@ -208,7 +214,8 @@ mod tests {
             key: SectionKey { level: 0, i, j },
             place: [i as u32, j as u32],
             code: HeightCode { base: 0, wide: false },
-            pyramid: [7, 0],
+            pyramid: [8, 0],
+            attributes: 0,
             top: Height(top),
         }
     }
@@ -235,10 +242,10 @@ mod tests {
         let table = Table::build(&entries, Height(50));
         for e in &entries {
             let node = find(&table, 8, [e.key.i, e.key.j]).unwrap();
-            assert_eq!((node.place, node.meta & SECTION), (e.place, SECTION));
+            assert_eq!((node.place, node.top & SECTION), (e.place, SECTION));
             for level in 9..=table.top_level {
                 let above = find(&table, level, [e.key.i >> (level - 8), e.key.j >> (level - 8)]).unwrap();
-                assert!(above.top >= (e.top.0 - 50) as f32 && above.meta & SECTION == 0);
+                assert!(f32::from_bits(above.top) >= (e.top.0 - 50) as f32 && above.top & SECTION == 0);
             }
             for axis in 0..2 {
                 let cell = [e.key.i, e.key.j][axis] * 256;
