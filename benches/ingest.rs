@@ -3,7 +3,9 @@
 //! `cargo bench --bench ingest [-- [--cold] [--cell C] [--runs N] [FILE | POINTS]...]` (default 20M); files are made in
 //! a temporary folder and removed. With several numbers of points, each after the other.
 
-use lasray::bench::ingest::{Ingest, IngestOptions, run};
+use std::sync::atomic::AtomicBool;
+
+use lasray::bench::ingest::{Cache, IngestOptions, IngestRow, run};
 
 fn main() -> anyhow::Result<()> {
     let mut options = IngestOptions { cell: Some(1.0), cold: false, ..IngestOptions::default() };
@@ -43,9 +45,9 @@ fn main() -> anyhow::Result<()> {
         "skipped",
         "gain"
     );
-    let mut smaller = Vec::<Ingest>::new();
+    let mut smaller = Vec::<IngestRow>::new();
     for points in sizes {
-        let rows = run(&IngestOptions { points, ..options.clone() }, &mut |_| ())?;
+        let rows = run(&IngestOptions { points, ..options.clone() }, &mut |_| (), &AtomicBool::new(false))?;
         for row in &rows {
             let percent = |share: f64| format!("{:.0} %", 100.0 * share);
             println!(
@@ -54,14 +56,14 @@ fn main() -> anyhow::Result<()> {
                 row.format,
                 row.points,
                 row.threads,
-                if row.cold { "cold" } else { "warm" },
+                if row.cache == Cache::Cold { "cold" } else { "warm" },
                 row.decode_mpts_s,
                 row.prepare_mpts_s,
                 row.total_mpts_s,
                 percent(row.share_of_decoding()),
-                percent(row.read_share),
-                percent(row.decode_share),
-                percent(row.prepare_share),
+                row.read_share.map_or("-".into(), percent),
+                row.decode_share.map_or("-".into(), percent),
+                row.prepare_share.map_or("-".into(), percent),
                 row.all_layers_mpts_s.map_or("-".into(), |r| format!("{r:.2}")),
                 row.skipped_bytes_share.map_or("-".into(), percent),
                 row.gain_of_skipping().map_or("-".into(), |g| format!("{g:.2}")),
@@ -69,7 +71,7 @@ fn main() -> anyhow::Result<()> {
             );
         }
         for (few, many) in smaller.iter().zip(&rows) {
-            let seconds = |row: &Ingest| row.points as f64 / row.total_mpts_s;
+            let seconds = |row: &IngestRow| row.points as f64 / row.total_mpts_s;
             let (file, times) = (&few.file, many.points as f64 / few.points as f64);
             println!(
                 "{file}, {} threads: {times} times the points, {:.2} times the time",

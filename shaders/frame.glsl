@@ -44,7 +44,7 @@ struct Node {
     uint top;     // highest thing below, lattice steps from the anchor, rounded up: bits of a float, the last set for sections
     uint meta;    // level | detail level << 16
     uvec2 place;   // of the section's payload
-    uvec2 pyramid; // of its pyramid; the last bit is set where codes are wide
+    uvec2 pyramid; // of its pyramid; the highest bit is set where codes are wide
     int base;      // lattice height of code 0, from the anchor
     uint beside[4]; // slots of the sections of its size to the east, west, north and south, or NO_NODE
     uint attributes; // words that its attributes take

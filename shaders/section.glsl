@@ -36,8 +36,8 @@ uint load_code(uvec2 place, uint start, uint index, bool wide) {
 }
 
 // A section's pyramid and whether its codes are wide, from the table's word for both.
-uvec2 pyramid_place(uvec2 marked) { return uvec2(marked.x & ~1u, marked.y); }
-uint pyramid_wide(uvec2 marked) { return marked.x & 1u; }
+uvec2 pyramid_place(uvec2 marked) { return uvec2(marked.x, marked.y & 0x7FFFFFFFu); }
+uint pyramid_wide(uvec2 marked) { return marked.y >> 31u; }
 
 // Code `index` of a pyramid: two a word, or one.
 uint pyramid_code(uvec2 place, uint index, uint wide) {

@@ -248,6 +248,17 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
 
 /// The embedded scene: the synthetic town, made in memory.
 pub fn demo(options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
+    let (town, tiles) = synth::demo();
+    tiles_of(&town, &tiles, options, problems)
+}
+
+/// The scan of `tiles`, at least one, of a synthetic town, made in memory.
+pub fn tiles_of(
+    town: &synth::Town,
+    tiles: &[synth::Tile],
+    options: &LoadOptions,
+    problems: &mut Problems,
+) -> Result<Loaded, LoadError> {
     struct Scan;
     impl Meaning for Scan {
         fn world(&self, block: &crate::source::PointBlock, i: usize) -> DVec3 {
@@ -258,7 +269,6 @@ pub fn demo(options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, Lo
             block.rgb[i].map(|v| (v >> 8) as u8)
         }
     }
-    let (town, tiles) = synth::demo();
     let side = |axis: usize| {
         let low = tiles.iter().map(|t| t.corner[axis]).fold(f64::INFINITY, f64::min);
         let high = tiles.iter().map(|t| t.corner[axis] + t.size[axis]).fold(f64::NEG_INFINITY, f64::max);
@@ -270,14 +280,14 @@ pub fn demo(options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, Lo
     let bins = Bins::new(grid(cell, &flat)?, core(cell, &flat), options.budget);
     let progress = Progress::default();
     let sampled = std::sync::Mutex::new(crate::attribute::AttributeSample::default());
-    watched(synth::DEMO_POINTS, options.quiet, &progress, || {
+    watched(tiles.iter().map(|t| t.points).sum(), options.quiet, &progress, || {
         let next = std::sync::atomic::AtomicUsize::new(0);
         std::thread::scope(|scope| {
             for _ in 0..threads() {
                 scope.spawn(|| {
                     let mut binner = Binner::default();
                     while let Some(tile) = tiles.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        let Ok(()) = synth::scan(&town, tile, |scan| {
+                        let Ok(()) = synth::scan(town, tile, |scan| {
                             binner.bin(&bins, &Scan, &scan.points);
                             progress.points.fetch_add(scan.len() as u64, Ordering::Relaxed);
                             let mut sampled = sampled.lock().unwrap_or_else(|e| e.into_inner());

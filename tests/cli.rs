@@ -1004,7 +1004,9 @@ fn good_real_files_are_drawn_without_complaint() {
 #[test]
 fn help_is_readable() {
     let folder = tempfile::tempdir().unwrap();
-    for arguments in [&["--help"][..], &["render", "--help"], &["synth", "--help"], &["--version"]] {
+    for arguments in
+        [&["--help"][..], &["render", "--help"], &["bench", "--help"], &["synth", "--help"], &["--version"]]
+    {
         let output = Command::new(env!("CARGO_BIN_EXE_lasray"))
             .args(arguments)
             .current_dir(folder.path())
@@ -1018,4 +1020,100 @@ fn help_is_readable() {
     let nothing = run(folder.path(), &[], &[]);
     assert_eq!(nothing.code, Some(2));
     assert!(nothing.said.contains("Usage: lasray <COMMAND>"), "{}", nothing.said);
+}
+
+#[test]
+fn bench_measures_both_pipelines() {
+    let folder = tempfile::tempdir().unwrap();
+    let ran = run(
+        folder.path(),
+        &words(
+            "bench --frames 2 --grid 16/5 --paths turn,fast --size 64x36 --points 50k --json a.json --plot a.svg -q"
+                .split(' '),
+        ),
+        &[],
+    );
+    assert_eq!((ran.code, ran.said.as_str()), (Some(0), ""));
+    assert!(ran.printed.contains("thesis / pool, trace: turn "), "{}", ran.printed);
+    assert!(ran.printed.lines().all(|line| line.chars().count() <= 110), "{}", ran.printed);
+    let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let rows = json["rows"].as_array().unwrap();
+    let named: Vec<_> =
+        rows.iter().map(|row| [&row["path"], &row["pipeline"]].map(|v| v.as_str().unwrap())).collect();
+    assert_eq!(named, [["turn", "thesis"], ["turn", "pool"], ["fast", "thesis"], ["fast", "pool"]]);
+    let samples = |row: &serde_json::Value, what: &str| row[what]["samples"].as_array().unwrap().len();
+    for row in rows {
+        let pool = row["pipeline"] == "pool";
+        assert_eq!((row["grid"].as_u64(), row["levels"].as_u64()), (Some(16), Some(5)));
+        assert_eq!((row["frames"].as_u64(), row["rays"].as_u64()), (Some(2), Some(64 * 36)));
+        assert_eq!([samples(row, "trace_ms"), samples(row, "total_ms")], [2, 2]);
+        // The pool streams in every frame of 20 s.
+        assert_eq!(samples(row, "copy_bytes"), if pool { 1200 } else { 2 });
+        assert!(row["trace_ms"]["median"].as_f64().unwrap() > 0.0);
+        if pool {
+            assert!(row["differ"].as_f64().unwrap() <= 1e-3, "{row}");
+            assert!(row["steps_per_ray"].as_f64().unwrap() > 0.0);
+            assert!(row["ns_per_step"].as_f64().unwrap() > 0.0);
+        } else {
+            // 16² cells of the coarsest of five levels: heights of all levels, colours of the finest.
+            let heights: u64 = (0..5).map(|level| (256u64 >> level).pow(2)).sum();
+            assert_eq!(row["copy_bytes"]["mean"].as_f64(), Some(4.0 * (heights + 256 * 256) as f64));
+        }
+    }
+    assert_eq!(rows[1]["copy_bytes"]["max"].as_f64(), Some(0.0), "a turn on the spot copies nothing");
+    let ratios = &json["ratios"][0];
+    assert_eq!(ratios["paths"].as_array().unwrap().len(), 2);
+    assert!(ratios["bytes"][0].is_null() && ratios["bytes"][1].as_f64().unwrap() > 0.0);
+    assert!(ratios["trace_median"].as_f64().unwrap() > 0.0);
+    assert!(json["skipped"].as_array().unwrap().is_empty());
+    assert!(fs::read_to_string(folder.path().join("a.svg")).unwrap().starts_with("<svg"));
+}
+
+#[test]
+fn bench_loads_as_the_thesis_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let ran = run(folder.path(), &words("bench --load --points 20k --json a.json -q".split(' ')), &[]);
+    assert_eq!((ran.code, ran.said.as_str()), (Some(0), ""));
+    assert!(ran.printed.contains("loading town.las, 20k points"), "{}", ran.printed);
+    let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    assert!(json["rows"].as_array().unwrap().is_empty(), "no frames were asked for");
+    let row = &json["load"][0];
+    assert_eq!((row["points"].as_u64(), row["kept"].as_u64()), (Some(20_000), Some(20_000)));
+    let median = |what: &str| row[what]["median"].as_f64().unwrap();
+    assert!(median("thesis_middle_s") <= median("thesis_all_s"));
+    assert!(median("thesis_middle_s") > 0.0 && median("upload_s") > 0.0);
+    assert!(median("total_s") >= median("read_s"));
+}
+
+#[test]
+fn bench_names_wrong_arguments() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut cases = vec![
+        ("--grid 33/8", "a grid of 33: expected a power of two"),
+        ("--grid 32", "'32' is not GRID/LEVELS"),
+        ("--grid 32/10", "10 levels: expected 1 to 9"),
+        ("--grid 32/8 --table", "cannot be used with"),
+        ("--paths sideways", "at-rest"),
+        ("--frames 0", "0 is not in"),
+        ("--size 0x4", "at least one pixel"),
+        ("--cell 0", "0 is not above 0"),
+        ("--points none", "'none' is not a count"),
+        ("--strip 4096x4096", "at most"),
+        ("--path missing.json", "missing.json"),
+        ("--json nowhere/a.json", "nowhere/a.json: cannot be written there"),
+        ("--ingest --plot a.svg", "no frames are measured"),
+        ("--scaling --grid 16/1", "at least two levels"),
+        ("--device 99", "there is no device 99"),
+    ];
+    if cfg!(not(feature = "embree")) {
+        cases.push(("--peer", "without Embree"));
+    }
+    for (arguments, says) in cases {
+        let ran = run(folder.path(), &words(["bench"].into_iter().chain(arguments.split(' '))), &[]);
+        assert_eq!(ran.code, Some(2), "{arguments}: {}", ran.said);
+        assert!(ran.said.contains(says), "{arguments}: {}", ran.said);
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }

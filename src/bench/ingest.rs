@@ -3,6 +3,7 @@
 //! Everything that is compared is run in turn, so that a machine that slows down slows all of it; figures are medians.
 
 use super::cache;
+pub use super::report::{Cache, IngestKind, IngestRow, IngestSample};
 use crate::load;
 use crate::render::camera::Bounds;
 use crate::sample;
@@ -12,7 +13,6 @@ use crate::stream::bins::{Bins, Budget};
 use crate::stream::workers::{Clocks, Input, Progress, read_all};
 use crate::synth::{Format, Tile, Town, write_tile};
 use anyhow::{Context, ensure};
-use serde::Serialize;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -49,63 +49,7 @@ impl Default for IngestOptions {
     }
 }
 
-/// What one run took, seconds.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
-pub struct IngestSample {
-    /// Decoding alone.
-    pub decode_s: f64,
-    /// From points to finished sections.
-    pub total_s: f64,
-    /// In positioned reads, all threads together.
-    pub read_s: f64,
-    /// In decoding what was read, all threads together.
-    pub unpack_s: f64,
-    /// In binning and finishing, all threads together.
-    pub prepare_s: f64,
-    /// Decoding every layer, alone.
-    pub all_layers_s: Option<f64>,
-}
-
-/// One file on some threads. Rates are medians, M points/s of wall time.
-#[derive(Clone, Debug, Serialize)]
-pub struct Ingest {
-    /// Its name.
-    pub file: String,
-    /// Point format.
-    pub format: u8,
-    /// LAZ.
-    pub compressed: bool,
-    /// Points read in a run.
-    pub points: u64,
-    /// Side of a cell, CRS units.
-    pub cell: f64,
-    /// Worker threads.
-    pub threads: u32,
-    /// The page cache was emptied before each run, as far as that is possible: see `note`.
-    pub cold: bool,
-    /// Reading and decoding alone, the points thrown away.
-    pub decode_mpts_s: f64,
-    /// Binning and finishing alone, by the workers' own clocks.
-    pub prepare_mpts_s: f64,
-    /// Reading, decoding, binning, finishing.
-    pub total_mpts_s: f64,
-    /// Share of the workers' time in reads.
-    pub read_share: f64,
-    /// In decoding.
-    pub decode_share: f64,
-    /// In binning and finishing.
-    pub prepare_share: f64,
-    /// Decoding alone with every layer, where a file has layers.
-    pub all_layers_mpts_s: Option<f64>,
-    /// Share of the chunks' bytes in layers that are skipped, where a file has layers.
-    pub skipped_bytes_share: Option<f64>,
-    /// Run by run.
-    pub samples: Vec<IngestSample>,
-    /// What a reader must know.
-    pub note: Option<String>,
-}
-
-impl Ingest {
+impl IngestRow {
     /// Rate of reading and binning as a share of decoding alone, median of the runs' own ratios.
     pub fn share_of_decoding(&self) -> f64 {
         median(self.samples.iter().map(|s| s.decode_s / s.total_s))
@@ -118,12 +62,16 @@ impl Ingest {
     }
 }
 
-/// Measures; `progress` is told what comes next.
-pub fn run(options: &IngestOptions, progress: &mut dyn FnMut(&str)) -> anyhow::Result<Vec<Ingest>> {
+/// Measures; `progress` is told what comes next; ends between runs once `stop` is set.
+pub fn run(
+    options: &IngestOptions,
+    progress: &mut dyn FnMut(&str),
+    stop: &AtomicBool,
+) -> anyhow::Result<Vec<IngestRow>> {
     ensure!(options.runs > 0 && options.points > 0, "at least one run of one point");
     let mut rows = Vec::new();
     for path in &options.files {
-        measure(path, options, progress, &mut rows)?;
+        measure(path, options, progress, stop, &mut rows)?;
     }
     if options.files.is_empty() {
         let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
@@ -132,7 +80,7 @@ pub fn run(options: &IngestOptions, progress: &mut dyn FnMut(&str)) -> anyhow::R
                 let path = folder.path().join(format!("town{number}.{extension}"));
                 progress(&format!("{extension} {number}: writing {} points", options.points));
                 make(&path, format, options.points)?;
-                measure(&path, options, progress, &mut rows)?;
+                measure(&path, options, progress, stop, &mut rows)?;
                 std::fs::remove_file(&path)?;
             }
         }
@@ -141,7 +89,7 @@ pub fn run(options: &IngestOptions, progress: &mut dyn FnMut(&str)) -> anyhow::R
 }
 
 /// Writes a scan of the synthetic town.
-fn make(path: &Path, format: Format, points: u64) -> anyhow::Result<()> {
+pub fn make(path: &Path, format: Format, points: u64) -> anyhow::Result<()> {
     let side = (points as f64 / DENSITY).sqrt();
     let tile = Tile { corner: [-side / 2.0; 2], size: [side; 2], points };
     let compressed = path.extension().is_some_and(|e| e == "laz");
@@ -150,15 +98,15 @@ fn make(path: &Path, format: Format, points: u64) -> anyhow::Result<()> {
 }
 
 /// A file and how it is to be binned.
-struct Case {
+pub(super) struct Case {
     /// One, as the workers want it.
-    input: [Input; 1],
-    bounds: Bounds,
-    cell: f64,
+    pub input: [Input; 1],
+    pub bounds: Bounds,
+    pub cell: f64,
 }
 
 impl Case {
-    fn open(path: &Path, cell: Option<f64>) -> anyhow::Result<Case> {
+    pub fn open(path: &Path, cell: Option<f64>) -> anyhow::Result<Case> {
         let mut opened = sample::open_all(&[path.to_owned()]);
         let opened = [opened.remove(0)?];
         let sample = sample::take(&opened, &PlacementOptions::default(), &sample::Budget::default());
@@ -242,7 +190,8 @@ fn measure(
     path: &Path,
     options: &IngestOptions,
     progress: &mut dyn FnMut(&str),
-    rows: &mut Vec<Ingest>,
+    stop: &AtomicBool,
+    rows: &mut Vec<IngestRow>,
 ) -> anyhow::Result<()> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
     let case = Case::open(path, options.cell)?;
@@ -262,6 +211,7 @@ fn measure(
         }
         for run in 1..=options.runs {
             for (&threads, samples) in options.threads.iter().zip(&mut samples) {
+                ensure!(!stop.load(Ordering::Relaxed), "stopped");
                 let state = if cold { "cold" } else { "warm" };
                 progress(&format!("{name}: {state}, {threads} threads, run {run} of {}", options.runs));
                 let mut before = || {
@@ -295,20 +245,21 @@ fn measure(
                 median(samples.iter().map(|s| part(s) / (s.read_s + s.unpack_s + s.prepare_s)))
             };
             let all_layers = samples.iter().filter_map(|s| s.all_layers_s);
-            rows.push(Ingest {
+            rows.push(IngestRow {
+                kind: IngestKind::Ingest,
                 file: name.clone(),
                 format: case.file().header.format,
                 compressed: case.file().header.compressed,
                 points,
                 cell: case.cell,
                 threads,
-                cold,
+                cache: if cold { Cache::Cold } else { Cache::Warm },
                 decode_mpts_s: rate(median(samples.iter().map(|s| s.decode_s))),
                 prepare_mpts_s: rate(median(samples.iter().map(|s| s.prepare_s / f64::from(threads)))),
                 total_mpts_s: rate(median(samples.iter().map(|s| s.total_s))),
-                read_share: share(|s| s.read_s),
-                decode_share: share(|s| s.unpack_s),
-                prepare_share: share(|s| s.prepare_s),
+                read_share: Some(share(|s| s.read_s)),
+                decode_share: Some(share(|s| s.unpack_s)),
+                prepare_share: Some(share(|s| s.prepare_s)),
                 all_layers_mpts_s: skipped_bytes_share.map(|_| rate(median(all_layers))),
                 skipped_bytes_share,
                 samples,
@@ -344,11 +295,12 @@ mod tests {
         let options =
             IngestOptions { points: 10_000, runs: 1, threads: vec![1, 2], ..IngestOptions::default() };
         let mut said = 0;
-        let rows = run(&options, &mut |_| said += 1).unwrap();
+        let rows = run(&options, &mut |_| said += 1, &AtomicBool::new(false)).unwrap();
         assert_eq!(rows.len(), 4 * 2 * 2);
         assert!(said >= rows.len());
         for row in &rows {
-            let shares = row.read_share + row.decode_share + row.prepare_share;
+            let shares: f64 =
+                [row.read_share, row.decode_share, row.prepare_share].into_iter().flatten().sum();
             assert!((shares - 1.0).abs() < 1e-6, "{row:?}");
             assert!(row.total_mpts_s > 0.0 && row.decode_mpts_s > 0.0 && row.prepare_mpts_s > 0.0);
             assert_eq!(row.gain_of_skipping().is_some(), row.compressed && row.format == 7);

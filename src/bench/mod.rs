@@ -4,6 +4,7 @@
 mod cache;
 pub mod frames;
 pub mod ingest;
+pub mod load;
 #[cfg(feature = "embree")]
 pub mod peer;
 pub mod plot;
@@ -31,6 +32,13 @@ pub struct FrameTimes {
     pub table_ms: f64,
     /// Waiting for room in the upload ring and for slots, and submitting, ms.
     pub wait_ms: f64,
+}
+
+/// Bytes of memory that nobody uses, where the system tells.
+pub fn free_bytes() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
+    Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10)
 }
 
 fn ms(from: std::time::Instant) -> f64 {

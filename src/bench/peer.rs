@@ -1,6 +1,12 @@
 //! A peer on the CPU: the same columns, and a mesh through their tops, traced by Intel Embree.
 
-use super::report::Stat;
+use super::frames;
+use super::pool::Pool;
+use super::report::{PeerRow, Stat};
+use super::world::World;
+use crate::coords::HEIGHT_STEPS_PER_UNIT;
+use crate::gpu::Gpu;
+use crate::render::camera::{Camera, Projection};
 use embree3::{
     Bounds, BufferUsage, Config, Device, Format, Geometry, GeometryKind, Hit, Hit8, INVALID_ID,
     IntersectContext, IntersectFunctionNArgs, Ray, Ray8, RayHit, RayHit8, RayHitNp, RayNp, Scene, SoAHit,
@@ -168,6 +174,99 @@ impl Peer {
         let distance = (0..width * height).map(place).map(|(tile, lane)| tiles[tile][lane]).collect();
         Traced { distance, seconds: Stat::of(seconds).expect("there is a run") }
     }
+}
+
+/// Cells along a side of what is traced, at most.
+const MOST_CELLS: u32 = 4096;
+/// Times that everything is traced.
+const REPEATS: u32 = 5;
+
+/// Embree's columns and mesh beside our pipeline: the same cells, the same rays, from low over the south-western
+/// corner across them.
+pub fn run(
+    gpu: &Gpu,
+    world: &World,
+    size: [u32; 2],
+    progress: &mut dyn FnMut(&str),
+) -> anyhow::Result<Vec<PeerRow>> {
+    let (cell, side) = (world.grid.cell(), world.cells().into_iter().min().unwrap_or(0).min(MOST_CELLS));
+    let low = world.corner();
+    let window = [low, low.map(|c| c + side as i32)];
+    let west_south = [0, 1].map(|a| (i64::from(low[a]) + world.grid.anchor[a]) as f64 * cell);
+    let origin = glam::DVec3::new(west_south[0], west_south[1], world.anchor.units());
+
+    let mut heights = vec![0.0; side as usize * side as usize];
+    let mut colors = vec![0; side as usize];
+    for (y, row) in (low[1]..).zip(heights.chunks_exact_mut(side as usize)) {
+        world.row([low[0], y], row, &mut colors);
+    }
+    for height in &mut heights {
+        *height = if height.is_finite() { *height / HEIGHT_STEPS_PER_UNIT as f32 } else { f32::NAN };
+    }
+    let field = HeightField { side_cells: side, cell, heights };
+
+    let length = f64::from(side) * cell;
+    let [ground, top] = world.relief();
+    let eye = (origin + glam::DVec3::new(0.05, 0.05, 0.0) * length).with_z(top.max(ground) + 0.04 * length);
+    let camera = Camera::looking(eye, [45.0, 12.0], Projection::default())?;
+    let basis = camera.basis(size)?;
+    let mut rays = Rays { width: size[0] as usize, ..Rays::default() };
+    let mut lengths = Vec::new();
+    for (x, y) in (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (f64::from(x), f64::from(y)))) {
+        rays.origins.push((basis.origin(x, y) - origin).as_vec3().into());
+        rays.directions.push(basis.direction(x, y).as_vec3().into());
+        lengths.push(basis.direction(x, y).length());
+    }
+
+    progress("our own trace");
+    let mut pool = Pool::new(gpu, world)?;
+    pool.load(world, window)?;
+    let view = frames::view(world, &camera, size, window);
+    let picture = pool.picture(&view)?;
+    let mut times = Vec::new();
+    for _ in 0..REPEATS {
+        times.push(pool.frame(world, window, &[], Some(&view))?.0.trace_ms);
+    }
+    drop(pool);
+    let pool_ms = Stat::of(times).expect("there are repeats");
+
+    let threads = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
+    let mut rows = Vec::new();
+    for (scene, name) in [(PeerScene::Columns, "columns"), (PeerScene::Mesh, "mesh")] {
+        progress(&format!("Embree: building {name} of {side} x {side} cells"));
+        let peer = Peer::build(&field, scene, threads)?;
+        let traced = Query::ALL.map(|query| {
+            progress(&format!("Embree: {name}, {query:?}"));
+            (query, peer.trace(&rays, query, REPEATS))
+        });
+        let [a, b, c] = traced;
+        let faster = |a: (Query, Traced), b: (Query, Traced)| {
+            if b.1.seconds.median < a.1.seconds.median { b } else { a }
+        };
+        let (query, traced) = faster(faster(a, b), c);
+        let same = (0..lengths.len()).filter(|&at| {
+            let (theirs, ours) =
+                (f64::from(traced.distance[at]) * lengths[at], f64::from(picture.distance[at]));
+            theirs == ours || (theirs - ours).abs() <= cell.max(ours * 1e-3)
+        });
+        let agree = same.count() as f64 / lengths.len() as f64;
+        let all = lengths.len() as f64 / 1e6;
+        let mrays_s = [all / traced.seconds.median, all / pool_ms.median * 1e3];
+        rows.push(PeerRow {
+            scene: format!("Embree {name}"),
+            query: format!("{query:?}").to_lowercase(),
+            cells: side,
+            rays: lengths.len() as u64,
+            threads,
+            build_s: peer.build_seconds(),
+            trace_s: traced.seconds,
+            pool_ms: pool_ms.clone(),
+            mrays_s,
+            ratio: mrays_s[1] / mrays_s[0],
+            agree,
+        });
+    }
+    Ok(rows)
 }
 
 /// Place in a tile: blocks of 4 × 2 pixels, one packet each.

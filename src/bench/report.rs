@@ -113,6 +113,28 @@ pub struct Row {
     /// Traversal time a step.
     #[serde(default)]
     pub ns_per_step: Option<f64>,
+    /// Largest share of pixels in which a picture differs from the other pipeline's.
+    #[serde(default)]
+    pub differ: Option<f64>,
+}
+
+/// Thesis over pool under one configuration, path by path.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ratios {
+    /// Sections along a side of the window.
+    pub grid: u32,
+    /// Levels of a section's pyramid.
+    pub levels: u32,
+    /// Names of the paths that both have flown.
+    pub paths: Vec<String>,
+    /// Mean bytes copied a frame; `None`: the pool copies nothing.
+    pub bytes: Vec<Option<f64>>,
+    /// Mean time to prepare; `None`: the pool prepares nothing.
+    pub prepare: Vec<Option<f64>>,
+    /// Median time to trace.
+    pub trace: Vec<Option<f64>>,
+    /// Median of `trace`.
+    pub trace_median: Option<f64>,
 }
 
 impl Row {
@@ -136,6 +158,7 @@ impl Row {
             missing_sections: None,
             steps_per_ray: None,
             ns_per_step: None,
+            differ: None,
         }
     }
 
@@ -168,7 +191,24 @@ pub enum IngestKind {
     Ingest,
 }
 
-/// One file read into sections.
+/// What one run took, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct IngestSample {
+    /// Decoding alone.
+    pub decode_s: f64,
+    /// From points to finished sections.
+    pub total_s: f64,
+    /// In positioned reads, all threads together.
+    pub read_s: f64,
+    /// In decoding what was read, all threads together.
+    pub unpack_s: f64,
+    /// In binning and finishing, all threads together.
+    pub prepare_s: f64,
+    /// Decoding every layer, alone.
+    pub all_layers_s: Option<f64>,
+}
+
+/// One file read into sections. Rates are medians over the runs, of wall time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IngestRow {
     /// Always the same.
@@ -180,8 +220,11 @@ pub struct IngestRow {
     pub compressed: bool,
     /// Name.
     pub file: String,
-    /// Points read.
+    /// Points read in a run.
     pub points: u64,
+    /// Side of a cell, CRS units.
+    #[serde(default)]
+    pub cell: f64,
     /// Threads that read.
     pub threads: u32,
     /// Where the bytes were.
@@ -207,11 +250,94 @@ pub struct IngestRow {
     /// Share of the file's bytes that were never read, because nobody asked for their layers.
     #[serde(default)]
     pub skipped_bytes_share: Option<f64>,
+    /// Run by run.
+    #[serde(default)]
+    pub samples: Vec<IngestSample>,
+    /// What a reader must know.
+    #[serde(default)]
+    pub note: Option<String>,
 }
 
 /// JSON has no NaN: it is written as null.
 fn or_nan<'de, D: Deserializer<'de>>(value: D) -> Result<f64, D::Error> {
     Ok(Option::deserialize(value)?.unwrap_or(f64::NAN))
+}
+
+/// A file loaded as the thesis does, and as we do: time until all of it is there. Seconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LoadRow {
+    /// Name.
+    pub file: String,
+    /// Points in it.
+    pub points: u64,
+    /// Points that lie in the thesis' 4 × 4 sections.
+    pub kept: u64,
+    /// Finest cells along a side of such a section.
+    pub side: u32,
+    /// Levels of its pyramid.
+    pub levels: u32,
+    /// Side of a cell, CRS units.
+    pub cell: f64,
+    /// Threads that read for us; the thesis has one a section.
+    pub threads: u32,
+    /// Whether the outer sections' threads had the lowest priority.
+    pub prioritized: bool,
+    /// Thesis: the four sections around the camera are full.
+    pub thesis_middle_s: Stat,
+    /// Thesis: all sixteen are.
+    pub thesis_all_s: Stat,
+    /// Ours: opened and looked at.
+    pub open_s: Stat,
+    /// Ours: read and binned.
+    pub read_s: Stat,
+    /// Ours: packed, copied and derived.
+    pub upload_s: Stat,
+    /// Ours: of that, the host's time to pack.
+    pub pack_s: Stat,
+    /// Ours: all of it.
+    pub total_s: Stat,
+}
+
+/// What four times the work costs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ScalingRow {
+    /// What was done.
+    pub what: String,
+    /// Four times what: cells under the same picture, or points.
+    pub of: String,
+    /// Less and more of it.
+    pub amount: [f64; 2],
+    /// Median times, ms.
+    pub ms: [f64; 2],
+    /// Time over time.
+    pub ratio: f64,
+}
+
+/// A peer on the CPU and our pipeline, tracing the same rays.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PeerRow {
+    /// Which peer, which scene.
+    pub scene: String,
+    /// Its fastest kind of query.
+    pub query: String,
+    /// Cells along a side.
+    pub cells: u32,
+    /// Rays.
+    pub rays: u64,
+    /// Threads of the peer.
+    pub threads: u32,
+    /// Seconds that the peer took to build its scene.
+    pub build_s: f64,
+    /// Seconds that it took to trace all rays.
+    pub trace_s: Stat,
+    /// Our trace, device time, ms.
+    pub pool_ms: Stat,
+    /// Million rays a second by medians: the peer's, ours.
+    pub mrays_s: [f64; 2],
+    /// Ours over the peer's.
+    pub ratio: f64,
+    /// Share of the rays at whose end both are, within a thousandth or a cell; meshes are another surface.
+    pub agree: f64,
 }
 
 /// A configuration that was not run.
@@ -248,6 +374,18 @@ pub struct Report {
     /// What could not be run.
     #[serde(default)]
     pub skipped: Vec<Skipped>,
+    /// Loading.
+    #[serde(default)]
+    pub load: Vec<LoadRow>,
+    /// Four times the cells, four times the points.
+    #[serde(default)]
+    pub scaling: Vec<ScalingRow>,
+    /// Other ray tracers.
+    #[serde(default)]
+    pub peer: Vec<PeerRow>,
+    /// See [`Report::compare`].
+    #[serde(default)]
+    pub ratios: Vec<Ratios>,
 }
 
 impl Report {
@@ -261,7 +399,39 @@ impl Report {
             rows: Vec::new(),
             ingest: Vec::new(),
             skipped: Vec::new(),
+            load: Vec::new(),
+            scaling: Vec::new(),
+            peer: Vec::new(),
+            ratios: Vec::new(),
         }
+    }
+
+    /// Fills `ratios` from `rows`.
+    pub fn compare(&mut self) {
+        let ratios = self.configurations().into_iter().map(|[grid, levels]| {
+            let mut paths: Vec<String> = Vec::new();
+            let [mut bytes, mut prepare, mut trace] = [const { Vec::new() }; 3];
+            let of = |pipeline| {
+                self.rows
+                    .iter()
+                    .filter(move |row| (row.pipeline, row.grid, row.levels) == (pipeline, grid, levels))
+            };
+            for thesis in of(Pipeline::Thesis) {
+                let Some(pool) = of(Pipeline::Pool).find(|row| row.path == thesis.path) else { continue };
+                let mean = |of: fn(&Row) -> &Option<Stat>| {
+                    let [a, b] = [of(thesis).as_ref()?.mean, of(pool).as_ref()?.mean];
+                    Some(a / b).filter(|r| r.is_finite())
+                };
+                paths.push(thesis.path.clone());
+                bytes.push(mean(|row| &row.copy_bytes));
+                prepare.push(mean(|row| &row.prepare_ms));
+                let median = |row: &Row| row.trace_ms.as_ref().map(|s| s.median);
+                trace.push(median(thesis).zip(median(pool)).map(|(a, b)| a / b).filter(|r| r.is_finite()));
+            }
+            let trace_median = Stat::of(trace.iter().copied().flatten().collect()).map(|s| s.median);
+            Ratios { grid, levels, paths, bytes, prepare, trace, trace_median }
+        });
+        self.ratios = ratios.filter(|r| !r.paths.is_empty()).collect();
     }
 
     /// Writes JSON, whole or not at all. What is not finite becomes null.
@@ -298,6 +468,9 @@ impl Report {
         for configuration in self.configurations() {
             out.push('\n');
             self.block(&mut out, configuration);
+            let here = |r: &&Ratios| [r.grid, r.levels] == configuration;
+            self.ratios.iter().filter(here).for_each(|ratios| ratio_lines(&mut out, ratios));
+            self.notes(&mut out, configuration);
         }
         for Skipped { grid, levels, pipeline, reason } in &self.skipped {
             let _ = writeln!(out, "\nnot run: {grid}x{grid}/{levels}, {}: {reason}", pipeline.name());
@@ -306,7 +479,49 @@ impl Report {
             out.push('\n');
             ingest_table(&mut out, &self.ingest);
         }
+        self.load.iter().for_each(|row| load_lines(&mut out, row));
+        if !self.scaling.is_empty() {
+            let _ = writeln!(out, "\n{:<44}{:<12}{:>14}{:>14}{:>10}", "scaling", "4x", "ms", "ms", "ratio");
+        }
+        for ScalingRow { what, of, ms, ratio, .. } in &self.scaling {
+            let [less, more] = ms.map(number);
+            let _ = writeln!(
+                out,
+                "{:<44}{of:<12}{less:>14}{more:>14}{:>10}",
+                cut(what, 43),
+                number(*ratio) + "x"
+            );
+        }
+        for row in &self.peer {
+            let [peer, pool] = row.mrays_s.map(number);
+            let _ = writeln!(
+                out,
+                "\n{}, {} cells a side, {} rays, {} threads, {}: built in {} s, {peer} M rays/s",
+                row.scene,
+                row.cells,
+                row.rays,
+                row.threads,
+                row.query,
+                number(row.build_s)
+            );
+            let _ = writeln!(
+                out,
+                "  pool {pool} M rays/s: {}x; {:.2} % of the rays end in the same place",
+                number(row.ratio),
+                100.0 * row.agree
+            );
+        }
         out
+    }
+
+    /// What was late, and what differs.
+    fn notes(&self, out: &mut String, configuration: [u32; 2]) {
+        let here = || self.rows.iter().filter(|row| [row.grid, row.levels] == configuration);
+        let late = here().filter(|row| row.missing_sections.is_some_and(|n| n > 0));
+        let late = late.map(|row| format!("{} {}", row.path, row.missing_sections.unwrap_or(0)));
+        words(out, "sections late", late);
+        let differ = here().filter_map(|row| Some((&row.path, row.differ?)));
+        words(out, "pixels that differ", differ.map(|(path, d)| format!("{path} {:.3} %", 100.0 * d)));
     }
 
     fn block(&self, out: &mut String, [grid, levels]: [u32; 2]) {
@@ -351,6 +566,39 @@ impl Report {
     }
 }
 
+/// `title: a, b, c`, in lines of at most 110 letters; nothing without a word.
+fn words(out: &mut String, title: &str, words: impl Iterator<Item = String>) {
+    let mut line = format!("{title}:");
+    let (first, mut any) = (line.chars().count(), false);
+    for word in words {
+        if any {
+            line.push(',');
+        }
+        if line.chars().count() + word.chars().count() > 107 && any {
+            let _ = writeln!(out, "{line}");
+            line = " ".repeat(first);
+        }
+        let _ = write!(line, " {word}");
+        any = true;
+    }
+    if any {
+        let _ = writeln!(out, "{line}");
+    }
+}
+
+fn ratio_lines(out: &mut String, ratios: &Ratios) {
+    let each = |values: &[Option<f64>], none: &str| {
+        let text = |(path, value): (&String, &Option<f64>)| {
+            format!("{path} {}", value.map_or(none.to_owned(), |r| number(r) + "x"))
+        };
+        ratios.paths.iter().zip(values).map(text).collect::<Vec<_>>()
+    };
+    words(out, "thesis / pool, bytes", each(&ratios.bytes, "all").into_iter());
+    words(out, "thesis / pool, prepare", each(&ratios.prepare, "all").into_iter());
+    let median = ratios.trace_median.map(|m| format!("median {}x", number(m)));
+    words(out, "thesis / pool, trace", each(&ratios.trace, "-").into_iter().chain(median));
+}
+
 /// One path: a pair of columns for each stage, then thesis over pool.
 fn line(out: &mut String, path: &str, [thesis, pool]: [[Option<f64>; 5]; 2], ratio: Option<f64>) {
     let _ = write!(out, "{:<18}", path.chars().take(17).collect::<String>());
@@ -364,6 +612,42 @@ fn line(out: &mut String, path: &str, [thesis, pool]: [[Option<f64>; 5]; 2], rat
         }
     }
     let _ = writeln!(out, "{:>8}", ratio.map_or("-".to_owned(), |r| number(r) + "x"));
+}
+
+fn load_lines(out: &mut String, row: &LoadRow) {
+    let s = |stat: &Stat| number(stat.median);
+    let _ = writeln!(
+        out,
+        "\nloading {}, {} points, cells of {}: seconds until full, medians",
+        cut(&row.file, 40),
+        count(row.points),
+        row.cell
+    );
+    let _ = writeln!(
+        out,
+        "  thesis, 16 sections of {0} x {0} cells, a thread each: {1} the middle four, {2} all{3}",
+        row.side,
+        s(&row.thesis_middle_s),
+        s(&row.thesis_all_s),
+        if row.prioritized { "" } else { " (without priorities)" }
+    );
+    let ratio = |stat: &Stat| number(stat.median / row.total_s.median);
+    let _ = writeln!(
+        out,
+        "  pool, {} threads: {} all (open {}, read and bin {}, pack, copy and derive {}, packing {} of it)",
+        row.threads,
+        s(&row.total_s),
+        s(&row.open_s),
+        s(&row.read_s),
+        s(&row.upload_s),
+        s(&row.pack_s)
+    );
+    let _ = writeln!(
+        out,
+        "  thesis / pool: {}x to the middle four, {}x to all",
+        ratio(&row.thesis_middle_s),
+        ratio(&row.thesis_all_s)
+    );
 }
 
 fn ingest_table(out: &mut String, rows: &[IngestRow]) {
@@ -548,6 +832,9 @@ pub(super) mod tests {
             total_mpts_s: 3.9,
             all_layers_mpts_s: Some(2.8),
             skipped_bytes_share: Some(0.21),
+            cell: 1.0,
+            samples: Vec::new(),
+            note: None,
         });
         report
     }

@@ -129,6 +129,11 @@ impl World {
         [some.get(some.len() / 2).copied().unwrap_or(0.0), highest].map(units)
     }
 
+    /// South-western cell of what repeats, counted from the grid's anchor.
+    pub fn corner(&self) -> [i32; 2] {
+        self.origin.map(|n| n * SECTION_SIDE as i32)
+    }
+
     /// Cells that repeat, each way.
     pub fn cells(&self) -> [u32; 2] {
         self.period.map(|n| n as u32 * SECTION_SIDE)

@@ -1,106 +1,593 @@
 //! `lasray bench`: the timing harness.
 
-use super::Outcome;
-use crate::attribute::{ClassMask, ColorMode, ColorTable};
-use crate::bench::frames::{self, Options};
+use super::render::{positive, size, usage_of_load};
+use super::synth::count;
+use super::{Outcome, UsageError};
+use crate::attribute::{ClassMask, ColorTable};
+use crate::bench::frames::{self, Options, PoolRun, Stopped, ThesisRun};
+use crate::bench::ingest::{self, IngestOptions};
+use crate::bench::load as loading;
+use crate::bench::report::{Pipeline, Report, Row, ScalingRow, Skipped, Stat};
 use crate::bench::thesis::{Config, Thesis};
 use crate::bench::world::World;
-use crate::gpu::{Gpu, GpuOptions};
+use crate::bench::{self, FrameTimes, plot};
+use crate::coords::SECTION_SIDE;
+use crate::gpu::{Gpu, GpuError, GpuOptions};
 use crate::load::{self, LoadOptions};
 use crate::problems::Problems;
-use crate::render::path::PathKind;
-use crate::source::placement::PlacementOptions;
+use crate::render::frame::{FrameError, check_size};
+use crate::render::path::{CameraPath, PathKind};
+use crate::source::crs::Unit;
+use crate::source::inputs;
+use crate::source::placement::{Placement, PlacementOptions};
 use crate::stream::bins::Budget;
 use crate::stream::scene::Visibility;
+use crate::synth;
+use anyhow::Context;
+use serde_json::json;
 use std::ffi::OsString;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Share of pixels in which the pipelines' pictures may differ.
+const MOST_DIFFER: f64 = 1e-3;
+/// Points of the town that is flown over: 4096 × 4096 cells.
+const TOWN_POINTS: u64 = 1 << 25;
+/// Points of it in a cell, on average: nearly every cell is hit.
+const POINTS_PER_CELL: f64 = 2.0;
+/// Points of a file that is read.
+const INGEST_POINTS: u64 = 20_000_000;
+/// Points of a file that is loaded.
+const LOAD_POINTS: u64 = 4_000_000;
+/// Runs that figures of loading and of scaling are medians of.
+const LOAD_RUNS: u32 = 3;
+/// Pixels of a frame.
+const SIZE: [u32; 2] = [640, 360];
+/// Pixels that a peer traces.
+#[cfg(feature = "embree")]
+const PEER_SIZE: [u32; 2] = [1920, 1080];
+/// Frames of a path that scaling is measured by, and the paths.
+const SCALING_FRAMES: u32 = 30;
+const SCALING_PATHS: [PathKind; 3] = [PathKind::Rest, PathKind::Turn, PathKind::Grazing];
 
 /// Arguments of `lasray bench`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = HELP)]
 pub struct Args {
     /// Files, folders, @lists and patterns; none: a synthetic town
     #[arg(value_name = "INPUT")]
     inputs: Vec<OsString>,
-    /// Configurations GRID/LEVELS
-    #[arg(long, default_value = "32/8", value_delimiter = ',')]
-    grid: Vec<String>,
-    /// Frames of each path
-    #[arg(long, default_value_t = 12)]
-    frames: u32,
-    /// Paths
-    #[arg(long, value_delimiter = ',')]
+
+    /// Frames: all seven configurations of the thesis' Table 4.1
+    #[arg(long, conflicts_with = "grid", help_heading = "Parts")]
+    table: bool,
+    /// Reading and binning beside decoding alone, warm and cold
+    #[arg(long, help_heading = "Parts")]
+    ingest: bool,
+    /// Time until all is loaded: the thesis' 16 threads beside our pipeline
+    #[arg(long, help_heading = "Parts")]
+    load: bool,
+    /// What four times the cells under the same picture cost, and four times the points
+    #[arg(long, help_heading = "Parts")]
+    scaling: bool,
+    /// Intel Embree on the same cells and rays (needs a build with the feature `embree`)
+    #[arg(long, help_heading = "Parts")]
+    peer: bool,
+
+    /// Configurations GRID/LEVELS [default: 32/8]
+    #[arg(long, value_delimiter = ',', value_parser = config, help_heading = "Frames", value_name = "G/L,…")]
+    grid: Vec<Config>,
+    /// Camera paths [default: all, or none beside --path]
+    #[arg(long, value_enum, value_delimiter = ',', help_heading = "Frames", value_name = "NAME,…")]
     paths: Vec<PathKind>,
-    /// Strip
-    #[arg(long, default_value = "1x64")]
-    strip: String,
-    /// Pixels
-    #[arg(long, default_value = "640x360")]
-    size: String,
-    /// Cell
-    #[arg(long, default_value_t = 0.25)]
+    /// Camera path files to fly, see docs/camera-paths.md
+    #[arg(long, help_heading = "Frames", value_name = "FILE")]
+    path: Vec<PathBuf>,
+    /// Frames of each path to draw, spread evenly over it [default: all]; sections stream in all of them
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Frames", value_name = "N")]
+    frames: Option<u32>,
+    /// Width and height in pixels [default: 640x360, with --peer alone 1920x1080]
+    #[arg(long, value_parser = size, help_heading = "Frames", value_name = "WxH")]
+    size: Option<[u32; 2]>,
+    /// Pixels a workgroup of the thesis' pipeline covers: an upright strip; on a CPU driver, which runs eight
+    /// pixels of a row at once, 1x64 is 3 to 4 times slower
+    #[arg(long, default_value = "8x32", value_parser = size, help_heading = "Frames", value_name = "WxH")]
+    strip: [u32; 2],
+
+    /// Side of a cell, CRS units
+    #[arg(long, default_value_t = 0.25, value_parser = positive, help_heading = "Data")]
     cell: f64,
+    /// Points of synthetic data; 500k and 2M are understood [default: 2 a cell of 4096x4096; for
+    /// --ingest and --scaling 20M, for --load 4M]
+    #[arg(long, value_parser = count, help_heading = "Data")]
+    points: Option<u64>,
+    /// Which town, which random path
+    #[arg(long, default_value_t = 1, help_heading = "Data")]
+    seed: u64,
+    /// Read files of different coordinate systems by their raw coordinates
+    #[arg(long, help_heading = "Data")]
+    mix_crs: bool,
+    /// Unit of heights, where the files are wrong: m, ft or us-ft
+    #[arg(long, help_heading = "Data", value_name = "UNIT")]
+    z_unit: Option<Unit>,
+
+    /// Write all figures
+    #[arg(long, help_heading = "Output", value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Draw the frames' times as bars
+    #[arg(long, help_heading = "Output", value_name = "FILE.svg")]
+    plot: Option<PathBuf>,
+    /// No progress
+    #[arg(short, long, help_heading = "Output")]
+    quiet: bool,
+
+    /// Device to trace on, by its number in `lasray info --devices`
+    #[arg(long, help_heading = "Device")]
+    device: Option<usize>,
 }
 
-/// Runs it.
+const HELP: &str = "\
+Without a part: frames. Both pipelines trace the same cells along the same paths; the land repeats without end.
+Times are device timestamps where the device has them; docs/performance.md says what is measured and how.
+Exit codes: 0 done; 1 failed, stopped, or pictures that differ in more than 0.1 % of the pixels; 2 wrong arguments.
+";
+
+/// `32/8`: a power of two, and levels.
+fn config(text: &str) -> Result<Config, String> {
+    let pair = text.split_once('/').and_then(|(g, l)| Some((g.trim().parse().ok()?, l.trim().parse().ok()?)));
+    let (grid, levels): (u32, u32) =
+        pair.ok_or_else(|| format!("'{text}' is not GRID/LEVELS such as 32/8"))?;
+    if !grid.is_power_of_two() || !(2..=256).contains(&grid) {
+        return Err(format!("a grid of {grid}: expected a power of two from 2 to 256"));
+    }
+    if !(1..=9).contains(&levels) {
+        return Err(format!("{levels} levels: expected 1 to 9"));
+    }
+    Ok(Config { grid, levels })
+}
+
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// Measures.
 pub fn run(args: Args) -> anyhow::Result<Outcome> {
-    let gpu = Gpu::new(&GpuOptions::default())?;
-    let pair = |s: &str, by: char| {
-        let (a, b) = s.split_once(by).expect("a pair");
-        [a.parse::<u32>().expect("a number"), b.parse().expect("a number")]
-    };
-    let options = LoadOptions {
-        cell: Some(args.cell),
-        placement: PlacementOptions::default(),
-        rgb_bits: None,
-        budget: Budget { host_bytes: 16 << 30, device_bytes: 64 << 30 },
-        quiet: false,
-    };
-    let mut problems = Problems::default();
-    let loaded = if args.inputs.is_empty() {
-        load::demo(&options, &mut problems)?
-    } else {
-        load::files(&args.inputs, &options, &mut problems)?
-    };
-    let colors = ColorTable::new(ColorMode::auto(&loaded.summary), &loaded.summary, None, None)?;
-    let world =
-        World::new(loaded, Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 }, colors);
-    eprintln!("world {:?} cells", world.cells());
-    let size = pair(&args.size, 'x');
-    for grid in &args.grid {
-        let [grid, levels] = pair(grid, '/');
-        let config = Config { grid, levels };
-        let mut thesis = Thesis::new(&gpu, config, size, pair(&args.strip, 'x'))?;
-        for kind in PathKind::ALL {
-            if !args.paths.is_empty() && !args.paths.contains(&kind) {
-                continue;
-            }
-            let options = Options { size, frames: args.frames, seed: 1 };
-            let run = frames::run(&gpu, &world, config, kind, &mut thesis, &options)?;
-            let median = |v: &[crate::bench::FrameTimes], f: fn(&crate::bench::FrameTimes) -> f64| {
-                let mut v: Vec<_> = v.iter().map(f).collect();
-                v.sort_by(f64::total_cmp);
-                v[v.len() / 2]
-            };
-            let mean = |v: &[crate::bench::FrameTimes], f: fn(&crate::bench::FrameTimes) -> f64| {
-                v.iter().map(f).sum::<f64>() / v.len() as f64
-            };
-            println!(
-                "{grid}/{levels} {:8} thesis prep {:6.2} copy {:6.2} trace {:6.2} | pool prep {:6.3} copy {:6.3} trace {:6.2} wall {:6.2} table {:.3} wait {:.3} | ratio {:.2} bytes 1/{:.0} missing {} differ {:.5}",
-                kind.name(),
-                mean(&run.thesis, |t| t.prepare_ms),
-                mean(&run.thesis, |t| t.copy_ms),
-                median(&run.thesis, |t| t.trace_ms),
-                mean(&run.stream, |t| t.prepare_ms),
-                mean(&run.stream, |t| t.copy_ms),
-                median(&run.pool, |t| t.trace_ms),
-                median(&run.pool, |t| t.trace_wall_ms),
-                mean(&run.pool, |t| t.table_ms),
-                mean(&run.stream, |t| t.wait_ms),
-                median(&run.thesis, |t| t.trace_ms) / median(&run.pool, |t| t.trace_ms),
-                mean(&run.thesis, |t| t.copy_bytes as f64) / mean(&run.stream, |t| t.copy_bytes as f64),
-                run.missing,
-                run.differ,
-            );
+    let usage = |e: &dyn std::fmt::Display| anyhow::Error::from(UsageError(e.to_string()));
+    let files = args.path.iter().map(|file| {
+        let path = CameraPath::read(file).map_err(|e| usage(&e))?;
+        let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = path.name().map_or(stem, str::to_owned);
+        Ok(path.named(name))
+    });
+    let files = files.collect::<anyhow::Result<Vec<_>>>()?;
+    for file in args.json.iter().chain(&args.plot) {
+        let folder = file.parent().filter(|f| !f.as_os_str().is_empty());
+        if file.is_dir() || folder.is_some_and(|f| !f.is_dir()) {
+            return Err(usage(&format!("{}: cannot be written there", file.display())));
         }
     }
+    if args.peer && cfg!(not(feature = "embree")) {
+        return Err(usage(&"--peer: this build is without Embree (cargo build --features embree)"));
+    }
+    let parts = args.ingest || args.load || args.scaling || args.peer;
+    // What chooses frames for --scaling too asks for none of its own.
+    let chosen = !args.grid.is_empty() || !args.paths.is_empty();
+    let draws = !parts || args.table || !files.is_empty() || chosen && !args.scaling;
+    if args.scaling && args.grid.first().is_some_and(|config| config.levels < 2) {
+        return Err(usage(&"--scaling: a configuration of at least two levels is needed"));
+    }
+    if args.plot.is_some() && !draws {
+        return Err(usage(&"--plot: no frames are measured"));
+    }
+    let gpu = Gpu::new(&GpuOptions { device: args.device, ..Default::default() }).map_err(|e| match e {
+        GpuError::NoSuchDevice { .. } => usage(&e),
+        e => e.into(),
+    })?;
+    let size = args.size.unwrap_or(SIZE);
+    check_size(&gpu, size).map_err(|e| usage(&e))?;
+    let most = gpu.limits().workgroup_size;
+    if args.strip[0].saturating_mul(args.strip[1]) > most {
+        return Err(usage(&format!("--strip: the device's workgroups have at most {most} invocations")));
+    }
+    let stop = || {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(stop).context("cannot listen for Ctrl-C")?;
+
+    let settings = json!({
+        "inputs": args.inputs.iter().map(|i| i.to_string_lossy()).collect::<Vec<_>>(),
+        "size": size,
+        "strip": args.strip,
+        "cell": args.cell,
+        "points": args.points,
+        "seed": args.seed,
+        "frames": args.frames,
+    });
+    let mut report = Report::new(&gpu.info().name, &gpu.info().driver, settings);
+    let mut harness = Harness { args: &args, size, gpu: &gpu, report: &mut report };
+    let mut result = Ok(());
+    if draws {
+        result = harness.frames(files);
+    }
+    if args.ingest && result.is_ok() {
+        result = harness.ingest();
+    }
+    if args.load && result.is_ok() {
+        result = harness.load();
+    }
+    if args.scaling && result.is_ok() {
+        result = harness.scaling();
+    }
+    #[cfg(feature = "embree")]
+    if args.peer && result.is_ok() {
+        result = harness.peer();
+    }
+    // What was measured before an error is worth its file.
+    report.compare();
+    print!("{}", report.table());
+    if let Some(file) = &args.json {
+        report.write(file).with_context(|| file.display().to_string())?;
+    }
+    if let Some(file) = &args.plot
+        && (result.is_ok() || !report.rows.is_empty())
+    {
+        plot::write(&report, file).map_err(|e| anyhow::anyhow!("{}: {e}", file.display()))?;
+    }
+    result?;
+    let differ = report.rows.iter().filter_map(|row| row.differ).fold(0.0, f64::max);
+    anyhow::ensure!(
+        differ <= MOST_DIFFER,
+        "pictures of the two pipelines differ in {:.2} % of the pixels",
+        100.0 * differ
+    );
     Ok(Outcome::Done)
+}
+
+/// The options of reading.
+fn load_options(args: &Args) -> LoadOptions {
+    LoadOptions {
+        cell: Some(args.cell),
+        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() },
+        rgb_bits: None,
+        // Nothing is coarsened: cells are what is compared.
+        budget: Budget { host_bytes: u64::MAX, device_bytes: u64::MAX },
+        quiet: args.quiet,
+    }
+}
+
+/// A town whose border is one of sections of cells of `widest`, so that it repeats without a gap.
+fn town(args: &Args, cell: f64, widest: f64, problems: &mut Problems) -> anyhow::Result<load::Loaded> {
+    let points = args.points.unwrap_or(TOWN_POINTS);
+    let section = f64::from(SECTION_SIDE) * widest;
+    let sections = ((points as f64 / POINTS_PER_CELL).sqrt() * args.cell / section).ceil().max(1.0);
+    let side = sections * section;
+    let corner = synth::ORIGIN.map(|o| ((o - side / 2.0) / section).round() * section - o);
+    let tiles = synth::square(corner, side, points);
+    let options = LoadOptions { cell: Some(cell), ..load_options(args) };
+    load::tiles_of(&synth::Town::new(args.seed), &tiles, &options, problems).map_err(usage_of_load)
+}
+
+/// What the inputs hold, or a town, in cells of `cell`.
+fn world(args: &Args, cell: f64, widest: f64) -> anyhow::Result<(World, Placement)> {
+    let mut problems = Problems::default();
+    let loaded = if args.inputs.is_empty() {
+        town(args, cell, widest, &mut problems)
+    } else {
+        let options = LoadOptions { cell: Some(cell), ..load_options(args) };
+        load::files(&args.inputs, &options, &mut problems).map_err(usage_of_load)
+    };
+    let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
+    let loaded = loaded?;
+    let placement = loaded.placement;
+    let colors = ColorTable::new(loaded.color, &loaded.summary, None, None)?;
+    let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
+    Ok((World::new(loaded, seen, colors), placement))
+}
+
+/// Whether `error` says that the device is too small, and nothing worse.
+fn too_large(error: &anyhow::Error) -> bool {
+    let gpu = match error.downcast_ref() {
+        Some(FrameError::Gpu(gpu)) => Some(gpu),
+        Some(_) => return false,
+        None => error.downcast_ref::<GpuError>(),
+    };
+    !error.is::<Stopped>() && gpu.is_none_or(|gpu| matches!(gpu, GpuError::Memory { .. }))
+}
+
+/// What is run, and where it is written down.
+struct Harness<'a> {
+    args: &'a Args,
+    size: [u32; 2],
+    gpu: &'a Gpu,
+    report: &'a mut Report,
+}
+
+impl Harness<'_> {
+    fn say(&self, what: std::fmt::Arguments) {
+        if !self.args.quiet {
+            eprintln!("{what}");
+        }
+    }
+
+    /// Both pipelines along all paths.
+    fn frames(&mut self, files: Vec<CameraPath>) -> anyhow::Result<()> {
+        let args = self.args;
+        let configs = match (args.table, &args.grid[..]) {
+            (true, _) => Config::ALL.to_vec(),
+            (false, []) => vec![Config { grid: 32, levels: 8 }],
+            (false, chosen) => chosen.to_vec(),
+        };
+        let kinds = match &args.paths[..] {
+            [] if files.is_empty() => PathKind::ALL.to_vec(),
+            chosen => chosen.to_vec(),
+        };
+        let (world, placement) = world(args, args.cell, args.cell)?;
+        let [width, depth] = world.cells();
+        self.say(format_args!("{width} x {depth} cells, repeated without end"));
+        let files = files.into_iter().map(|path| {
+            let placed = path.placed(|v| placement.place(v.x, v.y, v.z));
+            let placed = placed.map_err(|e| UsageError(format!("camera path: {e}")))?;
+            if frames::fits(&world, &placed) {
+                Ok(placed)
+            } else {
+                Err(UsageError("camera path: it leads too far from the data".to_owned()))
+            }
+        });
+        let files = files.collect::<Result<Vec<_>, _>>()?;
+        for config in configs {
+            let mut thesis = self.thesis(config)?;
+            let stage = frames::stage(&world, config);
+            let built_in = kinds.iter().map(|kind| kind.path(&stage, args.seed));
+            let paths = built_in.collect::<Result<Vec<_>, _>>()?;
+            let mut pool_fits = true;
+            for path in paths.iter().chain(&files) {
+                self.fly(&world, config, path, &mut thesis, &mut pool_fits)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The pipeline of the thesis; `None`: too large, which is written down.
+    fn thesis(&mut self, config: Config) -> anyhow::Result<Option<Thesis>> {
+        let Config { grid, levels } = config;
+        // Sections, the mapped buffer, and, where the device's memory is the host's, what is copied from it.
+        let need = Thesis::host_bytes(config) + 2 * config.bytes();
+        let reason = match bench::free_bytes() {
+            Some(free) if need > free => format!("it needs {need} bytes of host memory, {free} are free"),
+            _ => match Thesis::new(self.gpu, config, self.size, self.args.strip) {
+                Ok(thesis) => return Ok(Some(thesis)),
+                Err(error) => {
+                    let error = anyhow::Error::from(error);
+                    if !too_large(&error) {
+                        return Err(error);
+                    }
+                    error.to_string()
+                }
+            },
+        };
+        self.say(format_args!("{grid}/{levels} thesis: not run: {reason}"));
+        self.report.skipped.push(Skipped { grid, levels, pipeline: Pipeline::Thesis, reason });
+        Ok(None)
+    }
+
+    /// One path under one configuration.
+    fn fly(
+        &mut self,
+        world: &World,
+        config: Config,
+        path: &CameraPath,
+        thesis: &mut Option<Thesis>,
+        pool_fits: &mut bool,
+    ) -> anyhow::Result<()> {
+        let args = self.args;
+        let Config { grid, levels } = config;
+        let name = path.name().unwrap_or("path");
+        let frames = args.frames.unwrap_or(path.frames()).min(path.frames());
+        let options = Options { size: self.size, frames, stop: &STOP };
+        let rays = u64::from(self.size[0]) * u64::from(self.size[1]);
+        let mut pictures = Vec::new();
+        let mut rows = Vec::new();
+        if *pool_fits {
+            match frames::run_pool(self.gpu, world, config, path, &options) {
+                Ok(run) => {
+                    rows.push(pool_row(&run, config, name, rays));
+                    pictures = run.pictures;
+                }
+                Err(error) if too_large(&error) => {
+                    let reason = format!("{name}: {error}");
+                    self.say(format_args!("{grid}/{levels} pool: not run: {reason}"));
+                    self.report.skipped.push(Skipped { grid, levels, pipeline: Pipeline::Pool, reason });
+                    *pool_fits = false;
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        if let Some(thesis) = thesis {
+            let run = frames::run_thesis(world, config, path, thesis, &options, &pictures)?;
+            rows.insert(0, thesis_row(&run, config, name, rays));
+            rows.iter_mut()
+                .for_each(|row| row.differ = run.differ.filter(|_| row.pipeline == Pipeline::Pool));
+        }
+        for row in &rows {
+            let [prepare, copy, trace, ..] = row.means().map(|v| v.unwrap_or(f64::NAN));
+            let who = row.pipeline.name();
+            self.say(format_args!(
+                "{grid}/{levels} {name:8} {who:6} prepare {prepare:.3} copy {copy:.3} trace {trace:.3} ms"
+            ));
+        }
+        self.report.rows.extend(rows);
+        Ok(())
+    }
+
+    /// The inputs one by one.
+    fn files(&self) -> anyhow::Result<Vec<PathBuf>> {
+        let found = inputs::expand(&self.args.inputs);
+        match found.failed.first() {
+            Some(error) => anyhow::bail!("{error}"),
+            None => Ok(found.files),
+        }
+    }
+
+    /// The thesis' loading and ours.
+    fn load(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let mut files = self.files()?;
+        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+        if files.is_empty() {
+            let points = args.points.unwrap_or(LOAD_POINTS);
+            let file = folder.path().join("town.las");
+            self.say(format_args!("writing {points} points"));
+            ingest::make(&file, synth::Format::Three, points)?;
+            files.push(file);
+        }
+        for file in files {
+            let mut say = |what: &str| self.say(format_args!("{what}"));
+            let row = loading::run(self.gpu, &file, args.cell, LOAD_RUNS, &mut say, &STOP)?;
+            self.report.load.push(row);
+        }
+        Ok(())
+    }
+
+    /// Cells of twice the side and of `--cell`: the same data, the same window in units, the same cameras. Then
+    /// files of a quarter of the points and of all.
+    fn scaling(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let fine = args.grid.first().copied().unwrap_or(Config { grid: 32, levels: 8 });
+        let coarse = Config { levels: fine.levels - 1, ..fine };
+        let kinds = if args.paths.is_empty() { &SCALING_PATHS[..] } else { &args.paths };
+        let frames = args.frames.unwrap_or(SCALING_FRAMES);
+        let options = Options { size: self.size, frames, stop: &STOP };
+        let mut paths = Vec::new();
+        // [thesis, pool] of each path, coarse and fine.
+        let mut medians = vec![[[None; 2]; 2]; kinds.len()];
+        for (step, (config, cell)) in [(coarse, 2.0 * args.cell), (fine, args.cell)].into_iter().enumerate() {
+            let (world, _) = world(args, cell, 2.0 * args.cell)?;
+            if paths.is_empty() {
+                let stage = frames::stage(&world, config);
+                paths = kinds.iter().map(|kind| kind.path(&stage, args.seed)).collect::<Result<_, _>>()?;
+            }
+            let mut thesis = self.thesis(config)?;
+            for (path, medians) in paths.iter().zip(&mut medians) {
+                self.say(format_args!("scaling: cells of {cell}, {}", path.name().unwrap_or("path")));
+                // A short film: what streams in meanwhile is not asked for.
+                let median = |times: &[FrameTimes]| stat(times, |t| t.trace_ms).map(|s| s.median);
+                let run = frames::run_pool(self.gpu, &world, config, path, &options)?;
+                medians[1][step] = median(&run.drawn);
+                if let Some(thesis) = &mut thesis {
+                    let run = frames::run_thesis(&world, config, path, thesis, &options, &[])?;
+                    medians[0][step] = median(&run.drawn);
+                }
+            }
+        }
+        let cells = [coarse, fine].map(|config| f64::from(config.side()).powi(2));
+        for (pipeline, k) in [(Pipeline::Thesis, 0), (Pipeline::Pool, 1)] {
+            for (path, medians) in paths.iter().zip(&medians) {
+                let [Some(less), Some(more)] = medians[k] else { continue };
+                self.report.scaling.push(ScalingRow {
+                    what: format!("trace, {}, {}", pipeline.name(), path.name().unwrap_or("path")),
+                    of: "cells".to_owned(),
+                    amount: cells,
+                    ms: [less, more],
+                    ratio: more / less,
+                });
+            }
+        }
+        if !args.inputs.is_empty() {
+            return Ok(());
+        }
+        let all = args.points.unwrap_or(INGEST_POINTS);
+        let mut read = Vec::new();
+        for points in [(all / 4).max(1), all] {
+            let options = IngestOptions {
+                points,
+                cell: Some(args.cell),
+                cold: false,
+                runs: LOAD_RUNS,
+                threads: vec![std::thread::available_parallelism().map_or(1, |n| n.get() as u32)],
+                ..IngestOptions::default()
+            };
+            read.push(ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP)?);
+        }
+        for (less, more) in read[0].iter().zip(&read[1]) {
+            let rows = [less, more];
+            let ms = rows.map(|row| row.points as f64 / row.total_mpts_s / 1e3);
+            self.report.scaling.push(ScalingRow {
+                what: format!("read and binned, {}, {} threads", less.file, less.threads),
+                of: "points".to_owned(),
+                amount: rows.map(|row| row.points as f64),
+                ms,
+                ratio: ms[1] / ms[0],
+            });
+        }
+        Ok(())
+    }
+
+    /// Embree.
+    #[cfg(feature = "embree")]
+    fn peer(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let (world, _) = world(args, args.cell, args.cell)?;
+        let size = args.size.unwrap_or(PEER_SIZE);
+        check_size(self.gpu, size)?;
+        let mut say = |what: &str| self.say(format_args!("{what}"));
+        self.report.peer = bench::peer::run(self.gpu, &world, size, &mut say)?;
+        Ok(())
+    }
+
+    /// Reading and binning.
+    fn ingest(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let options = IngestOptions {
+            points: args.points.unwrap_or(INGEST_POINTS),
+            files: self.files()?,
+            cell: Some(args.cell),
+            ..IngestOptions::default()
+        };
+        let rows = ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP)?;
+        self.report.ingest = rows;
+        Ok(())
+    }
+}
+
+fn stat(times: &[FrameTimes], of: impl Fn(&FrameTimes) -> f64) -> Option<Stat> {
+    // A sum of nothing is -0.
+    Stat::of(times.iter().map(|t| of(t) + 0.0).collect())
+}
+
+fn thesis_row(run: &ThesisRun, config: Config, path: &str, rays: u64) -> Row {
+    let drawn = &run.drawn;
+    Row {
+        frames: drawn.len() as u32,
+        rays,
+        prepare_ms: stat(drawn, |t| t.prepare_ms),
+        copy_ms: stat(drawn, |t| t.copy_ms),
+        copy_bytes: stat(drawn, |t| t.copy_bytes as f64),
+        trace_ms: stat(drawn, |t| t.trace_ms),
+        trace_wall_ms: stat(drawn, |t| t.trace_wall_ms),
+        total_ms: stat(drawn, |t| t.total_ms),
+        ..Row::new(Pipeline::Thesis, config.grid, config.levels, path)
+    }
+}
+
+/// Streaming over every frame, tracing over those that were drawn.
+fn pool_row(run: &PoolRun, config: Config, path: &str, rays: u64) -> Row {
+    let (drawn, stream) = (&run.drawn, &run.stream);
+    let trace_ms = stat(drawn, |t| t.trace_ms);
+    let steps = run.steps_per_ray();
+    Row {
+        frames: drawn.len() as u32,
+        rays,
+        prepare_ms: stat(stream, |t| t.prepare_ms),
+        copy_ms: stat(stream, |t| t.copy_ms),
+        copy_bytes: stat(stream, |t| t.copy_bytes as f64),
+        trace_wall_ms: stat(drawn, |t| t.trace_wall_ms),
+        total_ms: stat(drawn, |t| t.total_ms),
+        table_ms: stat(drawn, |t| t.table_ms),
+        wait_ms: stat(stream, |t| t.wait_ms),
+        missing_sections: Some(run.missing as u64),
+        steps_per_ray: Some(steps),
+        ns_per_step: trace_ms.as_ref().map(|t| t.median * 1e6 / (rays as f64 * steps)),
+        trace_ms,
+        ..Row::new(Pipeline::Pool, config.grid, config.levels, path)
+    }
 }

@@ -174,7 +174,7 @@ fn number(text: &str) -> Result<f64, String> {
     if value.is_finite() { Ok(value) } else { Err(format!("'{text}' is not finite")) }
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     let value = number(text)?;
     if value > 0.0 { Ok(value) } else { Err(format!("{value} is not above 0")) }
 }
@@ -228,7 +228,7 @@ fn range(text: &str) -> Result<(f64, f64), String> {
     }
 }
 
-fn size(text: &str) -> Result<[u32; 2], String> {
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     let side = |s: &str| s.trim().parse::<u32>().ok();
     let parsed = text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
     match parsed {
@@ -360,7 +360,7 @@ fn each(gpu: &Gpu, args: &Args, options: &LoadOptions, problems: &mut Problems) 
 }
 
 /// A cell size that is too small is a wrong argument.
-fn usage_of_load(error: LoadError) -> anyhow::Error {
+pub(super) fn usage_of_load(error: LoadError) -> anyhow::Error {
     match error {
         LoadError::TooFine { .. } => UsageError(error.to_string()).into(),
         error => error.into(),

@@ -78,7 +78,7 @@ pub enum PlanError {
 }
 
 /// `500k`, `2M`, `1.5G` or plain digits; at least 1.
-fn count(text: &str) -> Result<u64, String> {
+pub(super) fn count(text: &str) -> Result<u64, String> {
     let wrong = || format!("'{text}' is not a count such as 750000, 500k or 2M");
     let (digits, factor) = match text.char_indices().last() {
         Some((at, 'k' | 'K')) => (&text[..at], 1e3),

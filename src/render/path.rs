@@ -521,6 +521,7 @@ pub const FAST_CELLS: u32 = 256;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, clap::ValueEnum)]
 pub enum PathKind {
     /// Nothing moves.
+    #[value(name = "at-rest", alias = "rest")]
     Rest,
     /// A full turn on the spot.
     Turn,

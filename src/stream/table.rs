@@ -21,7 +21,7 @@ pub struct Node {
     pub meta: u32,
     /// Where the payload lies: its device address (or word), low half first.
     pub place: [u32; 2],
-    /// Where its pyramid lies; the last bit is set where codes are wide.
+    /// Where its pyramid lies; the highest bit is set where codes are wide.
     pub pyramid: [u32; 2],
     /// Lattice height of code 0, from the anchor.
     pub base: i32,
@@ -37,8 +37,8 @@ const _: () = assert!(size_of::<Node>() == 64);
 
 /// In `top`.
 const SECTION: u32 = 1;
-/// In `pyramid`: words are aligned to more.
-const WIDE: u32 = 1;
+/// In the second word of `pyramid`: no address reaches so high.
+const WIDE: u32 = 1 << 31;
 
 /// The f32 at or above `top` whose last bit is `section`.
 fn marked(top: f32, section: u32) -> u32 {
@@ -145,7 +145,7 @@ impl Table {
                 meta: level | u32::from(e.key.level) << 16,
                 top: marked(top, SECTION),
                 place: e.place,
-                pyramid: [e.pyramid[0] | if e.code.wide { WIDE } else { 0 }, e.pyramid[1]],
+                pyramid: [e.pyramid[0], e.pyramid[1] | if e.code.wide { WIDE } else { 0 }],
                 attributes: e.attributes,
                 base: e.code.base.wrapping_sub(anchor.0),
                 ..UNUSED

@@ -25,16 +25,23 @@ pub use write::{Format, SynthError, write_tile};
 pub const DEMO_POINTS: u64 = 3_000_000;
 /// Side of the demo scene, m, and how many tiles it is made of each way.
 const DEMO_SIDE: f64 = 640.0;
-const DEMO_TILES: u64 = 2;
+/// Side of a tile of [`square`], m, or a little more.
+const TILE_SIDE: f64 = 320.0;
 
 /// The tiles of the scene that `render --demo` shows: the middle of the town of seed 1. Each can be
 /// [`scan`]ned on its own thread.
 pub fn demo() -> (Town, Vec<Tile>) {
-    let side = DEMO_SIDE / DEMO_TILES as f64;
-    let tiles = (0..DEMO_TILES * DEMO_TILES).map(|k| {
-        let (column, row) = (k % DEMO_TILES, k / DEMO_TILES);
-        let corner = [column, row].map(|c| c as f64 * side - DEMO_SIDE / 2.0);
-        Tile { corner, size: [side; 2], points: DEMO_POINTS / (DEMO_TILES * DEMO_TILES) }
-    });
-    (Town::new(1), tiles.collect())
+    (Town::new(1), square([-DEMO_SIDE / 2.0; 2], DEMO_SIDE, DEMO_POINTS))
+}
+
+/// Tiles of a square with its south-western corner `corner` from [`ORIGIN`], `side` m wide, `points` in all.
+pub fn square(corner: [f64; 2], side: f64, points: u64) -> Vec<Tile> {
+    let across = (side / TILE_SIDE).round().max(1.0) as u64;
+    let (size, tiles) = (side / across as f64, across * across);
+    let share = |k: u64| (u128::from(points) * u128::from(k) / u128::from(tiles)) as u64;
+    let tile = |k: u64| {
+        let corner = [corner[0] + (k % across) as f64 * size, corner[1] + (k / across) as f64 * size];
+        Tile { corner, size: [size; 2], points: share(k + 1) - share(k) }
+    };
+    (0..tiles).map(tile).filter(|tile| tile.points > 0).collect()
 }
