@@ -32,7 +32,9 @@ fn section(seed: u32) -> Packed {
         let (x, y) = (at % SECTION_SIDE, at / SECTION_SIDE);
         let random = (at ^ seed << 20).wrapping_mul(2_654_435_761) >> 16;
         let ground = 400 * 1024 + ((x * 7 + y * 3) as i32) + (random % 31) as i32;
-        for (class, wanted) in [(2, random % 8 != 0), (5, random % 8 != 0 && random % 4 == 1)] {
+        for (class, wanted) in
+            [(2, !random.is_multiple_of(8)), (5, !random.is_multiple_of(8) && random % 4 == 1)]
+        {
             if wanted {
                 let height = Height(ground + i32::from(class - 2) * 2000);
                 let attributes =

@@ -1,10 +1,4 @@
-//! Units as types: world points, heights on one lattice, cells, sections.
-
-use glam::DVec3;
-
-/// A point in the file's CRS: E, N, U in CRS units (f64 on the host only, never on the GPU).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WorldPoint(pub DVec3);
+//! Units as types: heights on one lattice, cells, sections.
 
 /// Height steps in one CRS unit: heights lie on a lattice of 2⁻¹⁰ unit, anchored at U = 0.
 pub const HEIGHT_STEPS_PER_UNIT: f64 = 1024.0;
@@ -89,12 +83,6 @@ impl Grid {
     /// Side of a finest cell, CRS units.
     pub fn cell(&self) -> f64 {
         self.base_cell * f64::from(self.coarsen).exp2()
-    }
-
-    /// West and south borders of `cell`, CRS units.
-    pub fn corner(&self, cell: CellIndex) -> [f64; 2] {
-        let c = self.cell();
-        [(i64::from(cell.i) + self.anchor[0]) as f64 * c, (i64::from(cell.j) + self.anchor[1]) as f64 * c]
     }
 
     /// The cell that holds (e, n); `None` when it lies more than [`CELL_LIMIT`] cells from the anchor

@@ -88,10 +88,10 @@ impl Pool {
         Ok(())
     }
 
-    /// Makes everything that `window` holds resident.
+    /// Makes everything that `window` holds resident, and a section more on each side, as if it had been near for long.
     pub fn load(&mut self, world: &World, window: [[i32; 2]; 2]) -> anyhow::Result<FrameTimes> {
         let mut times = FrameTimes::default();
-        self.stream(world, &[window], &mut times)?;
+        self.stream(world, &[grown(window)], &mut times)?;
         self.scene.settle()?;
         times.copy_ms = self.device_ms()?;
         Ok(times)
