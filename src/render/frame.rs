@@ -451,7 +451,7 @@ impl Renderer {
     /// back. With a `clock` of one stage for each pass, its stages are the passes.
     ///
     /// # Panics
-    /// When the picture has more pixels than one submit may trace ([`SUBMIT_RAYS`]).
+    /// When the picture has more pixels than one submit may trace (2²¹).
     pub fn submit_frame(
         &mut self,
         scene: &mut Scene,
