@@ -29,6 +29,9 @@ ivec2 past(in Walk walk, ivec2 borders, float t) {
     return walk.mirror.x == 0 ? ivec2(ts.x <= t, ts.y < t) : ivec2(ts.x < t, ts.y <= t);
 }
 
+// Levels that a walk can go up where it crossed `border` (nodes of its level); border 0 is one of all levels.
+int ups(int border) { return findLSB(border | 1 << 30); }
+
 // What a ray found: see the hit record in frame.glsl.
 struct Hit {
     float t;
@@ -116,7 +119,7 @@ Hit trace(Ray ray, float start, int level) {
                 touches = !diagonal;
                 // Up where a 2x2 square of nodes ends, and as far as a section may reach that begins here.
                 int crossed = east ? node.x : node.y;
-                int up = min(max(~crossed & 1, min(findLSB(crossed), frame.section_level - level)), frame.top_level - level);
+                int up = min(max(~crossed & 1, min(ups(crossed), frame.section_level - level)), frame.top_level - level);
                 level += up;
                 node >>= up;
             }
@@ -198,7 +201,7 @@ Hit trace(Ray ray, float start, int level) {
         }
         // Out of the section, to where the next one may begin.
         int crossed = face == FACE_WEST ? node.x : node.y;
-        int up = min(max(ceiling - level, min(findLSB(crossed), frame.section_level - level)), frame.top_level - level);
+        int up = min(max(ceiling - level, min(ups(crossed), frame.section_level - level)), frame.top_level - level);
         level += up;
         node >>= up;
     }
