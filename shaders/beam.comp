@@ -50,7 +50,7 @@ float top_of(inout Here here, int level, ivec2 node) {
     int at = max(level, here.finest);
     uint l = uint(at - here.finest), side = SECTION_SIDE >> l;
     uvec2 inner = uvec2(node >> at - level) & (side - 1u);
-    uint code = pyramid_code(here.pyramid, pyramid_offset(l) + inner.y * side + inner.x, here.wide);
+    uint code = pyramid_code(here.pyramid, pyramid_element(l, inner), here.wide);
     return code == 0u ? NOTHING : float(here.base + int(code));
 }
 
@@ -58,7 +58,7 @@ float min4(vec4 v) { return min(min(v.x, v.y), min(v.z, v.w)); }
 float max4(vec4 v) { return max(max(v.x, v.y), max(v.z, v.w)); }
 
 void main() {
-    uvec2 tile = gl_GlobalInvocationID.xy;
+    uvec2 tile = dealt(gl_WorkGroupSize);
     uvec2 tiles = (uvec2(frame.width, push.rows) + SIDE - 1u) / SIDE;
     if (any(greaterThanEqual(tile, tiles))) return;
 

@@ -1,13 +1,13 @@
 // Bridges small holes from what lies around them; then levels 1 and 2 of the pyramid.
-// Reads the measured planes and level 0 of the section and its eight neighbours; writes the bridges plane, the holes
-// of level 0, and levels 1 and 2. One thread a half block; y is the job.
+// Reads the measured bits, level 0 and what is shown of the section and its eight neighbours; writes the holes of level
+// 0 and of what is shown, and levels 1 and 2. One thread a half block; y is the job.
 //
 // A hole is bridged where measured columns lie on both sides of it, at most `bridge` holes between them, along
 // a row, a column or a diagonal; the shortest gap wins, then the flatter one. Between ends of similar height
 // the top is interpolated; where they differ steeply (an eave and the ground) the lower one goes on, so that
 // walls stay upright. The result depends only on measured columns, never on section borders.
 //
-// Level 0 is read where columns are measured, which others may write at that time, but only as it is.
+// What is read of measured columns others may write at that time, but only as it is.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"
@@ -27,7 +27,7 @@ uint measured(ivec2 half_block) {
     uvec2 at = uvec2(half_block) & uvec2(31u, 63u);
     uint columns = 0u;
     if (section.xy != uvec2(0u))
-        columns = pool_load(section.xy, measured_plane(section.w != 0u) + ((at.y >> 1u) * 32u + at.x) * 2u + (at.y & 1u));
+        columns = pool_load(section.xy, measured_word(((at.y >> 1u) * 32u + at.x) * 2u + (at.y & 1u), section.w != 0u));
     return columns;
 }
 
@@ -35,7 +35,7 @@ uint measured(ivec2 half_block) {
 int height_at(ivec2 column) {
     uvec4 section = section_of(uint(column.x) > SECTION_SIDE - 1u, uint(column.y) > SECTION_SIDE - 1u);
     uvec2 at = uvec2(column) & (SECTION_SIDE - 1u);
-    uint index = at.y * SECTION_SIDE + at.x;
+    uint index = pyramid_element(0u, at);
     bool wide = section.w != 0u;
     uint word = pool_load(section.xy, PYRAMID + (wide ? index : index >> 1u));
     return int(section.z) + int(wide ? word : word >> 16u * (index & 1u) & 0xFFFFu);
@@ -63,7 +63,6 @@ void main() {
     uvec3 middle = uvec3(measured(at + ivec2(-1, 0)), measured(at), measured(at + ivec2(1, 0)));
     uvec3 north = uvec3(measured(at + ivec2(-1, 1)), measured(at + ivec2(0, 1)), measured(at + ivec2(1, 1)));
 
-    uvec4 sources_low = uvec4(0u), sources_high = uvec4(0u);
     uint holes = ~middle.y;
     while (holes != 0u) {
         uint k = uint(findLSB(holes));
@@ -122,30 +121,29 @@ void main() {
         // A bridged height may lie outside what this section's code can say: it is held to its range.
         uint code = bridged ? uint(max(height - int(here.z), 1)) : 0u;
         if (!WIDE) code = min(code, 0xFFFFu);
-        uint element = uint(column.y) * SECTION_SIDE + uint(column.x);
+        uint element = level_0_of(half_block) + k;
         if (WIDE) pool_store(derived, PYRAMID + element, code);
         else {
             uint word = pool_load(derived, PYRAMID + element / 2u);
             word = (element & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u;
             pool_store(derived, PYRAMID + element / 2u, word);
         }
-        uint four = bridged ? encode_bridge(source) << 8u * (k & 3u) : 0u;
-        sources_low |= mix(uvec4(0u), uvec4(four), equal(uvec4(k >> 2u), uvec4(0u, 1u, 2u, 3u)));
-        sources_high |= mix(uvec4(0u), uvec4(four), equal(uvec4(k >> 2u), uvec4(4u, 5u, 6u, 7u)));
+        uint shows = 0u;
+        if (bridged) {
+            ivec2 from = column + source;
+            uvec4 section = section_of(uint(from.x) > SECTION_SIDE - 1u, uint(from.y) > SECTION_SIDE - 1u);
+            shows = pool_load(section.xy, block_order(uvec2(from) & (SECTION_SIDE - 1u)));
+        }
+        pool_store(derived, half_block * 32u + k, shows);
     }
 
-    uint bridges = BRIDGES + half_block * 8u;
-    for (uint w = 0u; w < 4u; w++) {
-        pool_store(derived, bridges + w, sources_low[w]);
-        pool_store(derived, bridges + 4u + w, sources_high[w]);
-    }
-    uvec2 column = origin, level_2 = uvec2(0u);
+    uvec2 level_2 = uvec2(0u);
+    uint element = level_0_of(half_block);
     for (uint pair = 0u; pair < 2u; pair++) {
-        uint element = column.y * SECTION_SIDE + column.x;
-        level_2 = max(level_2, store_level_1(derived, column,
+        level_2 = max(level_2, store_level_1(derived, half_block, pair,
             load_four(derived, element), load_four(derived, element + 4u),
-            load_four(derived, element + SECTION_SIDE), load_four(derived, element + SECTION_SIDE + 4u)));
-        column.y += 2u;
+            load_four(derived, element + 8u), load_four(derived, element + 12u)));
+        element += 16u;
     }
-    store_level_2(derived, origin, level_2);
+    store_level_2(derived, half_block, level_2);
 }

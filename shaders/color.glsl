@@ -1,4 +1,4 @@
-// What is seen of a column: its run on show, and the colour that it has.
+// What is seen of a column.
 // Needs pool.glsl, section.glsl, frame.glsl.
 
 const uint ORIGIN_MEASURED = 0u;
@@ -8,81 +8,40 @@ vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055,
 
 vec3 bytes(uint packed_bytes) { return vec3(packed_bytes & 0xFFu, packed_bytes >> 8u & 0xFFu, packed_bytes >> 16u & 0xFFu) / 255.0; }
 
-// The section that the last look-up was in: neighbours are nearly always in the same one.
-struct Here {
-    ivec2 section;
-    uint slot;
-    uint level; // log2 cells of its side
-};
-
-void go_to(inout Here here, ivec2 column) {
-    ivec2 section = column >> int(SECTION_LOG2);
-    if (section == here.section) return;
-    here.section = section;
-    here.slot = find_node(here.level, section);
-}
-
-// The run on show in a column.
+// What is seen of a column.
 struct Seen {
     vec3 srgb;
     uint class_;
-    bool bridged;
 };
 
-// Whether sections have bridges, and whether colours are RGB: constants of the program, so that it does only what it
-// must.
-layout(constant_id = 2) const bool BRIDGES = true;
+// Whether colours are not RGB: a constant of the program, so that it does only what it must.
 layout(constant_id = 3) const bool RAMPED = true;
 
-// What is seen of `column` (cells of its detail level), whose top is `top` (lattice steps from the anchor).
-Seen seen_at(inout Here here, ivec2 column, uint top) {
-    uvec2 tops = tops_place(pyramid_place(NODE[here.slot].pyramid));
-    uint runs = NODE[here.slot].attributes;
-    uint ordered = block_order(uvec2(column) & (SECTION_SIDE - 1u));
+// What is seen of `column` of the section in `slot`, whose top is `top` (lattice steps from the anchor).
+Seen seen_at(uint slot, uvec2 column, uint top) {
+    uint shows = pool_load(shown_place(pyramid_place(NODE[slot].pyramid)), block_order(column));
     Seen seen;
-    seen.bridged = false;
-    bool there = true;
-    if (BRIDGES) {
-        uint bridge = pool_load(tops, SECTION_SIDE * SECTION_SIDE + ordered / 4u) >> (8u * (ordered & 3u)) & 0xFFu;
-        if (bridge != 0u) {
-            // A bridged column shows the run of the column it was taken from.
-            ivec2 source = column + decode_bridge(bridge);
-            go_to(here, source);
-            there = here.slot != NO_NODE;
-            if (there) {
-                tops = tops_place(pyramid_place(NODE[here.slot].pyramid));
-                runs = NODE[here.slot].attributes;
-            }
-            ordered = block_order(uvec2(source) & (SECTION_SIDE - 1u));
-            seen.bridged = true;
-        }
-    }
-    // A neighbour that has been built but not named yet shows black for a frame.
-    uint run = there ? pool_load(tops, ordered) : NO_RUN;
-    uint first = 0u, second = 0u;
-    if (run != NO_RUN) {
-        // Attributes end where the tops begin.
-        uvec2 attributes = pool_back(tops, runs - 2u * run);
-        first = pool_load(attributes, 0u);
-        second = pool_load(attributes, 1u);
-    }
-    seen.class_ = first >> 24u;
+    seen.class_ = shows >> 24u;
     if (RAMPED && frame.color_source != 0u) {
         uint value = frame.color_source == 1u ? (top + uint(frame.height_anchor)) ^ 0x80000000u
-                   : frame.color_source == 2u ? first >> 24u
-                   : frame.color_source == 3u ? first >> 8u & 0xFFFFu
-                                              : second >> 8u & 0xFFu;
+                   : frame.color_source == 2u ? shows >> 24u
+                   : frame.color_source == 3u ? shows & 0xFFFFu
+                                              : shows >> 16u & 0xFFu;
         float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, 255.0) : 0.0;
         uint entry = uint(at_entry);
         seen.srgb = mix(RAMP[entry].rgb, RAMP[min(entry + 1u, 255u)].rgb, at_entry - float(entry));
     } else {
-        seen.srgb = bytes((first & 0xFFu) | (second >> 24u) << 8u | (second >> 16u & 0xFFu) << 16u);
+        seen.srgb = bytes(shows);
     }
     return seen;
 }
 
 // Second word of a finished hit record.
-uint bits_of(Seen seen, uint face) { return seen.class_ | (seen.bridged ? ORIGIN_BRIDGED : ORIGIN_MEASURED) << 9u | face << 12u; }
+uint bits_of(Seen seen, uint slot, uvec2 column, uint face) {
+    uvec2 pyramid = NODE[slot].pyramid;
+    bool measured = is_measured(pyramid_place(pyramid), pyramid_wide(pyramid), column);
+    return seen.class_ | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << 9u | face << 12u;
+}
 const uint BITS_MISS = 256u;
 
 vec3 sky(vec3 direction) {

@@ -4,13 +4,14 @@
 struct Job {
     uvec4 section; // its place; runs
     uvec4 near[9]; // derived parts of the 3x3 sections around, row by row from the south-west, [4] its own:
-                   // place of the tops (0: no section), base, 1 for wide codes
+                   // place of what they show (0: no section), base, 1 for wide codes
 };
 
 struct Derive {
     uint visible[8];          // bit per class: shown
     uint visible_withheld[8]; // the same for points with the withheld flag
     uint bridge;              // longest gap to bridge, cells; 0: none
+    uint values;              // columns show intensity and returns instead of colours
     int steep;                // a gap between ends that differ by more than this a cell is no slope but an edge, lattice steps
 };
 
@@ -33,12 +34,17 @@ layout(constant_id = 0) const bool WIDE = false; // codes of the sections take 3
 const uint BLOCKS = 16u;
 const uint COUNTS = BLOCKS + 1024u;
 const uint HEIGHTS = COUNTS + 16384u;
-// Derived parts, words from the tops.
-const uint BRIDGES = 65536u;
-const uint PYRAMID = BRIDGES + 16384u;
-const uint PYRAMID_ELEMENTS = 0x15556u;
-// A bit for each measured column, in block order.
-uint measured_plane(bool wide) { return PYRAMID + (wide ? PYRAMID_ELEMENTS : PYRAMID_ELEMENTS / 2u); }
+// Derived: what columns show, then, words from there, the pyramid.
+const uint PYRAMID = 65536u;
+
+// Word of the measured bits of a half block.
+uint measured_word(uint half_block, bool wide) {
+    uint element = (half_block >> 1u) * BLOCK_ELEMENTS + MEASURED;
+    return PYRAMID + (wide ? element : element / 2u) + (half_block & 1u);
+}
+
+// First element of a half block's level 0.
+uint level_0_of(uint half_block) { return (half_block >> 1u) * BLOCK_ELEMENTS + LEVEL_0 + (half_block & 1u) * 32u; }
 
 // Two codes of the pyramid, from an even element on.
 uvec2 load_two(uvec2 derived, uint element) {
@@ -69,14 +75,14 @@ uvec2 half_block_origin(uint half_block) {
     return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * uvec2(8u, 4u);
 }
 
-// Level 1 of two rows of eight codes, stored; gives their part of level 2.
-uvec2 store_level_1(uvec2 derived, uvec2 column, uvec4 south_west, uvec4 south_east, uvec4 north_west, uvec4 north_east) {
+// Level 1 of two rows of eight codes, stored as row `row`, 0 or 1, of the half block's; gives their part of level 2.
+uvec2 store_level_1(uvec2 derived, uint half_block, uint row, uvec4 south_west, uvec4 south_east, uvec4 north_west, uvec4 north_east) {
     uvec4 west = max(south_west, north_west), east = max(south_east, north_east);
     uvec4 nodes = uvec4(max(west.xz, west.yw), max(east.xz, east.yw));
-    store_four(derived, pyramid_offset(1u) + (column.y >> 1u) * (SECTION_SIDE / 2u) + (column.x >> 1u), nodes);
+    store_four(derived, (half_block >> 1u) * BLOCK_ELEMENTS + (half_block & 1u) * 8u + row * 4u, nodes);
     return max(nodes.xz, nodes.yw);
 }
 
-void store_level_2(uvec2 derived, uvec2 column, uvec2 nodes) {
-    store_two(derived, pyramid_offset(2u) + (column.y >> 2u) * (SECTION_SIDE / 4u) + (column.x >> 2u), nodes);
+void store_level_2(uvec2 derived, uint half_block, uvec2 nodes) {
+    store_two(derived, (half_block >> 1u) * BLOCK_ELEMENTS + LEVEL_2 + (half_block & 1u) * 2u, nodes);
 }

@@ -12,7 +12,7 @@ layout(local_size_x_id = 0, local_size_y_id = 1) in;
 layout(constant_id = 4) const bool SCREEN = false;
 
 void main() {
-    uvec2 pixel = gl_GlobalInvocationID.xy;
+    uvec2 pixel = dealt(gl_WorkGroupSize);
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     uint at = pixel.y * frame.width + pixel.x;
     Ray ray = ray_at(sample_of(pixel));
@@ -20,17 +20,10 @@ void main() {
 
     uint bits = BITS_MISS;
     vec4 color;
-    Here here = Here(ivec2(0), hit.slot, 0u);
     if (hit.slot != NO_NODE) {
-        ivec2 column = ivec2(hit.column);
-        if (BRIDGES) {
-            here.section = index_of(hit.slot);
-            here.level = NODE[hit.slot].meta & 0xFFu;
-            column += here.section * int(SECTION_SIDE);
-        }
-        Seen seen = seen_at(here, column, uint(hit.top));
+        Seen seen = seen_at(hit.slot, hit.column, uint(hit.top));
         color = vec4(seen.srgb, 1.0);
-        bits = bits_of(seen, hit.face);
+        bits = SCREEN ? seen.class_ : bits_of(seen, hit.slot, hit.column, hit.face);
     }
     if (SCREEN) {
         if (bits == BITS_MISS) color = vec4(vec3(frame.background == 1u ? 1.0 : frame.background == 2u ? 0.8 : 0.0), frame.background == 0u ? 0.0 : 1.0);

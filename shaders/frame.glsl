@@ -43,12 +43,10 @@ struct Node {
     uvec2 key;    // level << 26 | index east (26 bits), index north; NO_KEY: unused
     uint top;     // highest thing below, lattice steps from the anchor, rounded up: bits of a float, the last set for sections
     uint meta;    // level | detail level << 16
-    uvec2 place;   // of the section's payload
     uvec2 pyramid; // of its pyramid; the highest bit is set where codes are wide
     int base;      // lattice height of code 0, from the anchor
     uint beside[4]; // slots of the sections of its size to the east, west, north and south, or NO_NODE
-    uint attributes; // words that its attributes take
-    uint pad[2];    // a cache line
+    uint pad[5];    // a cache line
 };
 const uint NO_KEY = 0xFFFFFFFFu;
 
@@ -144,6 +142,14 @@ void add(inout int integer, inout uint fraction, int other_int, uint other_fract
     uint carry;
     fraction = uaddCarry(fraction, other_fraction, carry);
     integer += other_int + int(carry);
+}
+
+// The pixel (or tile) of this thread, groups being so large. Rows of groups are dealt out, the even ones first: a driver that gives each of
+// its threads a stretch of a dispatch gives each as much of the sky as of the ground.
+uvec2 dealt(uvec3 group) {
+    uint y = gl_WorkGroupID.y * 2u, rows = gl_NumWorkGroups.y;
+    if (y >= rows) y = (y - rows) | 1u;
+    return uvec2(gl_WorkGroupID.x, y) * group.xy + gl_LocalInvocationID.xy;
 }
 
 // Pixels of the side of a beam's tile.

@@ -24,9 +24,8 @@ PlainNode plain_node(ivec2 cell, int level) {
     node.top = 0;
     node.there = false;
     if (node.slot != NO_NODE) {
-        uint element = pyramid_offset(uint(level)) + node.inner.y * (SECTION_SIDE >> level) + node.inner.x;
         uvec2 pyramid = NODE[node.slot].pyramid;
-        uint code = pyramid_code(pyramid_place(pyramid), element, pyramid_wide(pyramid));
+        uint code = pyramid_code(pyramid_place(pyramid), pyramid_element(uint(level), node.inner), pyramid_wide(pyramid));
         node.top = NODE[node.slot].base + int(code);
         node.there = code != 0u;
     }

@@ -3,19 +3,6 @@
 
 const uint SECTION_LOG2 = 8u;
 const uint SECTION_SIDE = 1u << SECTION_LOG2;
-const uint NO_RUN = 0xFFFFFFFFu;
-
-// Words of the header.
-const uint HEADER_CODE = 2u;       // wide << 8 | log2 side << 16
-const uint HEADER_BASE = 3u;       // lattice height of code 0
-const uint HEADER_BLOCKS = 5u;     // first run of each 8x8 block
-const uint HEADER_COUNTS = 6u;     // runs of each column, a byte each, block order
-const uint HEADER_HEIGHTS = 7u;    // height codes of runs
-const uint HEADER_ATTRIBUTES = 8u; // two words a run
-const uint HEADER_TOPS = 9u;       // derived: run on show of each column, block order
-const uint HEADER_BRIDGES = 10u;   // derived: where a bridged top was taken from, a byte each, block order
-const uint HEADER_PYRAMID = 11u;   // derived: maximum pyramid, finest level first, row-major
-
 // Attributes, first word: class << 24 | intensity << 8 | red. Second: green << 24 | blue << 16 | returns << 8 | flags.
 const uint FLAG_WITHHELD = 4u;
 
@@ -25,8 +12,29 @@ uint block_order(uvec2 column) {
     return ((block.y << 5u | block.x) << 6u) | inner.y << 3u | inner.x;
 }
 
-// First element of pyramid level `level`, 0..8.
-uint pyramid_offset(uint level) { return 0x15554u & ~((1u << (18u - 2u * level)) - 1u); }
+// The pyramid's levels 0 to 3 lie block by block, 96 elements for 8x8 columns: level 1 row by row, level 2, level 3,
+// the measured bits (two words from the 25th element's on; from the 13th's where codes are wide, a word each), and from
+// the 33rd element on level 0: a way down to a column reads two cache lines, whichever way it came. Levels 4 to 8
+// follow, row by row.
+const uint BLOCK_ELEMENTS = 96u;
+const uint LEVEL_0 = 32u;
+const uint LEVEL_2 = 16u;
+const uint LEVEL_3 = 20u;
+const uint MEASURED = 24u;
+const uint UPPER_LEVELS = 1024u * BLOCK_ELEMENTS;
+
+// First element of pyramid level `level`, 4 to 8.
+uint upper_level(uint level) { return UPPER_LEVELS - 0x15400u + (0x15554u & ~((1u << 18u - 2u * level) - 1u)); }
+
+// Element of `node` of pyramid level `level`.
+uint pyramid_element(uint level, uvec2 node) {
+    bool upper = level > 3u;
+    uint log2_side = (upper ? 8u : 3u) - level;
+    uint first = upper ? upper_level(level) : 0x14100020u >> 8u * level & 0xFFu;
+    // Above the blocks there is only the first.
+    uvec2 block = node >> log2_side, inner = node & (1u << log2_side) - 1u;
+    return first + (block.y << 5u | block.x) * BLOCK_ELEMENTS + (inner.y << log2_side | inner.x);
+}
 
 // Code `index` of an array of 16-bit (or, if wide, 32-bit) codes that starts at word `start`.
 uint load_code(uvec2 place, uint start, uint index, bool wide) {
@@ -45,10 +53,13 @@ uint pyramid_code(uvec2 place, uint index, uint wide) {
     return wide != 0u ? word : word >> (index & 1u) * 16u & 0xFFFFu;
 }
 
-// The tops plane lies before the bridges, and those before the pyramid.
-const uint TOPS_BEFORE_PYRAMID = 65536u + 16384u;
-uvec2 tops_place(uvec2 pyramid) { return pool_back(pyramid, TOPS_BEFORE_PYRAMID); }
+// The plane of what columns show lies before the pyramid: class << 24 | red | green << 8 | blue << 16, or in place of
+// the colours intensity | returns << 16; block order. A bridged column shows what it was taken from shows.
+uvec2 shown_place(uvec2 pyramid) { return pool_back(pyramid, SECTION_SIDE * SECTION_SIDE); }
 
-// A bridged top's source, 1..81, as the offset in cells to the measured column it copies; 0 means measured.
-uint encode_bridge(ivec2 offset) { return uint((offset.y + 4) * 9 + offset.x + 4) + 1u; }
-ivec2 decode_bridge(uint code) { return ivec2(int(code - 1u) % 9 - 4, int(code - 1u) / 9 - 4); }
+// Whether the top of a column is measured, not bridged.
+bool is_measured(uvec2 pyramid, uint wide, uvec2 column) {
+    uint ordered = block_order(column);
+    uint bits = pool_load(pyramid, ((ordered >> 6u) * BLOCK_ELEMENTS + MEASURED >> 1u - wide) + (ordered >> 5u & 1u));
+    return (bits >> (ordered & 31u) & 1u) != 0u;
+}

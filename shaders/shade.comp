@@ -12,13 +12,27 @@
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
 
+// The section that the last look-up was in: neighbours are nearly always in the same one.
+struct Here {
+    ivec2 section;
+    uint slot;
+    uint level; // log2 cells of its side
+};
+
+void go_to(inout Here here, ivec2 column) {
+    ivec2 section = column >> int(SECTION_LOG2);
+    if (section == here.section) return;
+    here.section = section;
+    here.slot = find_node(here.level, section);
+}
+
 // Top of `column` (cells of this detail level), lattice steps from the anchor; false where there is none.
 bool top_at(inout Here here, ivec2 column, out float top) {
     go_to(here, column);
     if (here.slot == NO_NODE) return false;
     uvec2 pyramid = NODE[here.slot].pyramid;
-    uvec2 inner = uvec2(column) & (SECTION_SIDE - 1u);
-    uint code = pyramid_code(pyramid_place(pyramid), inner.y * SECTION_SIDE + inner.x, pyramid_wide(pyramid));
+    uint element = pyramid_element(0u, uvec2(column) & (SECTION_SIDE - 1u));
+    uint code = pyramid_code(pyramid_place(pyramid), element, pyramid_wide(pyramid));
     top = float(NODE[here.slot].base + int(code));
     return code != 0u;
 }
@@ -67,7 +81,7 @@ float sky_at(inout Here here, ivec2 column, float z, vec2 outward, float cell_st
 }
 
 void main() {
-    uvec2 pixel = gl_GlobalInvocationID.xy;
+    uvec2 pixel = dealt(gl_WorkGroupSize);
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     uint at = pixel.y * frame.width + pixel.x;
     uvec4 hit = HIT[at];
@@ -90,11 +104,11 @@ void main() {
         Here here = Here(index_of(hit.y), hit.y, meta & 0xFFu);
         ivec2 column = index_of(hit.y) * int(SECTION_SIDE) + ivec2(inner);
 
-        Seen seen = seen_at(here, column, hit.w);
+        Seen seen = seen_at(hit.y, inner, hit.w);
         float top = float(int(hit.w));
         vec3 albedo = linear_of(seen.srgb);
         color = vec4(albedo, 1.0);
-        bits = bits_of(seen, face);
+        bits = bits_of(seen, hit.y, inner, face);
 
         if (frame.shade == 1u) {
             float cell_steps = frame.cell_steps * float(1 << detail);

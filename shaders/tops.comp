@@ -1,6 +1,6 @@
 // Picks each column's top under the mask: its highest run of a visible class.
-// Reads counts, block offsets, heights and, where not all is shown, attributes; writes the tops plane and level 0
-// of the pyramid; then either what else there is without bridges (no bridges, levels 1 and 2), or the measured plane.
+// Reads counts, block offsets, heights and attributes; writes what columns show, the measured bits and level 0 of the
+// pyramid; without bridges, levels 1 and 2 too.
 // One thread a half block; y is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -14,6 +14,7 @@ layout(constant_id = 2) const bool BRIDGE = false; // bridge.comp follows
 
 uvec2 place, derived;
 uint attributes, run, index;
+bool values;
 uint measured = 0u;
 uvec4 visible_low, visible_high;
 bool show_withheld;
@@ -27,23 +28,31 @@ bool shown(uint r) {
     return (word >> (class_ & 31u) & 1u) != 0u && (show_withheld || !withheld);
 }
 
-// Stores the top of the next column, gives its code.
+// Stores what the next column shows, gives its top's code.
 uint next_column(uint count) {
-    uint top = NO_RUN;
-    if (ALL) top = count != 0u ? run : NO_RUN;
-    else {
+    uint top = run;
+    bool any = count != 0u;
+    if (!ALL) {
+        any = false;
         for (uint r = run; r < run + count; r++) {
             if (shown(r)) {
                 top = r;
+                any = true;
                 break;
             }
         }
     }
     run += count;
-    pool_store(derived, index++, top);
-    measured = measured >> 1u | (top != NO_RUN ? 0x80000000u : 0u);
-    uint code = 0u;
-    if (top != NO_RUN) code = load_code(place, HEIGHTS, top, WIDE);
+    measured = measured >> 1u | (any ? 0x80000000u : 0u);
+    uint code = 0u, shows = 0u;
+    if (any) {
+        code = load_code(place, HEIGHTS, top, WIDE);
+        uint first = pool_load(place, attributes + 2u * top), second = pool_load(place, attributes + 2u * top + 1u);
+        shows = first & 0xFF000000u;
+        shows |= values ? first >> 8u & 0xFFFFu | (second >> 8u & 0xFFu) << 16u
+                        : first & 0xFFu | second >> 24u << 8u | second & 0xFF0000u;
+    }
+    pool_store(derived, index++, shows);
     return code;
 }
 
@@ -62,8 +71,9 @@ void main() {
     uvec4 section = JOB[job].section;
     place = section.xy;
     derived = JOB[job].near[4].xy;
+    attributes = HEIGHTS + (WIDE ? section.z : (section.z + 1u) / 2u);
+    values = DERIVE.values != 0u;
     if (!ALL) {
-        attributes = HEIGHTS + (WIDE ? section.z : (section.z + 1u) / 2u);
         visible_low = uvec4(DERIVE.visible[0], DERIVE.visible[1], DERIVE.visible[2], DERIVE.visible[3]);
         visible_high = uvec4(DERIVE.visible[4], DERIVE.visible[5], DERIVE.visible[6], DERIVE.visible[7]);
         // Withheld points are shown as the others, or not at all.
@@ -84,24 +94,20 @@ void main() {
     }
 
     index = half_block * 32u;
-    uvec2 origin = half_block_origin(half_block), column = origin, level_2 = uvec2(0u);
-    uint word = half_block * 8u;
+    uvec2 level_2 = uvec2(0u);
+    uint word = half_block * 8u, element = level_0_of(half_block);
     for (uint pair = 0u; pair < 2u; pair++) {
-        uint element = column.y * SECTION_SIDE + column.x;
         uvec4 south_west = next_four(word), south_east = next_four(word + 1u);
         store_four(derived, element, south_west);
         store_four(derived, element + 4u, south_east);
         uvec4 north_west = next_four(word + 2u), north_east = next_four(word + 3u);
-        store_four(derived, element + SECTION_SIDE, north_west);
-        store_four(derived, element + SECTION_SIDE + 4u, north_east);
+        store_four(derived, element + 8u, north_west);
+        store_four(derived, element + 12u, north_east);
         if (!BRIDGE)
-            level_2 = max(level_2, store_level_1(derived, column, south_west, south_east, north_west, north_east));
+            level_2 = max(level_2, store_level_1(derived, half_block, pair, south_west, south_east, north_west, north_east));
         word += 4u;
-        column.y += 2u;
+        element += 16u;
     }
-    if (BRIDGE) pool_store(derived, measured_plane(WIDE) + half_block, measured);
-    else {
-        store_level_2(derived, origin, level_2);
-        for (uint w = 0u; w < 8u; w++) pool_store(derived, BRIDGES + half_block * 8u + w, 0u);
-    }
+    pool_store(derived, measured_word(half_block, WIDE), measured);
+    if (!BRIDGE) store_level_2(derived, half_block, level_2);
 }

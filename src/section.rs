@@ -480,9 +480,14 @@ pub const KIND_COLUMNS: u32 = 1;
 /// Words of a payload's header; `shaders/section.glsl` has the same list.
 pub const HEADER_WORDS: u32 = 16;
 
-/// Elements of a section's pyramid: level l has 4^(8-l) of them at offset `0x15554 & !((1 << (18 - 2l)) - 1)`,
-/// finest first, row-major.
-pub const PYRAMID_ELEMENTS: u32 = 0x15556;
+/// Elements of a pyramid in each of the 1,024 blocks: levels 1 (from 0 on, row by row), 2 (from 16), 3 (20) and 0 (32),
+/// so that a ray's way down to a column reads two cache lines. From word 12 of a block (24 where codes are wide) on lie
+/// two words of measured bits.
+pub const BLOCK_ELEMENTS: u32 = 96;
+/// Elements of a section's pyramid: the blocks, then levels 4 to 8, row by row.
+pub const PYRAMID_ELEMENTS: u32 = SECTION_BLOCKS as u32 * BLOCK_ELEMENTS + 342;
+/// Words of a cache line: derived parts start with one.
+const LINE_WORDS: u32 = 16;
 
 /// Where each part of a payload starts, in words from its start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -501,14 +506,10 @@ pub struct Layout {
     pub attributes: u32,
     /// Words that are uploaded; what follows is derived on the device.
     pub uploaded_words: u32,
-    /// Derived: the run on show of each column, `!0` for none, in block order.
-    pub tops: u32,
-    /// Derived: where each column's top was taken from: one byte, in block order (0: measured).
-    pub bridges: u32,
-    /// Derived: the maximum pyramid, 16 or 32 bits an element.
+    /// Derived: class and colour (or values) of what each column shows, one word, in block order.
+    pub shown: u32,
+    /// Derived: the maximum pyramid, 16 or 32 bits an element, and which columns are measured.
     pub pyramid: u32,
-    /// Derived, for bridges: a bit for each column that shows a run, in block order.
-    pub measured: u32,
     /// All words, uploaded and derived.
     pub words: u32,
 }
@@ -521,25 +522,10 @@ impl Layout {
         let heights = counts + (SECTION_COLUMNS / 4) as u32;
         let attributes = heights + runs.div_ceil(per_word);
         let uploaded_words = attributes + 2 * runs;
-        let tops = uploaded_words;
-        let bridges = tops + SECTION_COLUMNS as u32;
-        let pyramid = bridges + (SECTION_COLUMNS / 4) as u32;
-        let measured = pyramid + PYRAMID_ELEMENTS.div_ceil(per_word);
-        let words = measured + (SECTION_COLUMNS / 32) as u32;
-        Layout {
-            code,
-            runs,
-            blocks,
-            counts,
-            heights,
-            attributes,
-            uploaded_words,
-            tops,
-            bridges,
-            pyramid,
-            measured,
-            words,
-        }
+        let shown = uploaded_words.next_multiple_of(LINE_WORDS);
+        let pyramid = shown + SECTION_COLUMNS as u32;
+        let words = pyramid + PYRAMID_ELEMENTS / per_word;
+        Layout { code, runs, blocks, counts, heights, attributes, uploaded_words, shown, pyramid, words }
     }
 
     fn header(&self) -> [u32; HEADER_WORDS as usize] {
@@ -554,10 +540,10 @@ impl Layout {
             self.counts,
             self.heights,
             self.attributes,
-            self.tops,
-            self.bridges,
+            self.shown,
             self.pyramid,
             self.uploaded_words,
+            0,
             0,
             0,
             0,

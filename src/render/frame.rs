@@ -9,7 +9,7 @@ use crate::gpu::{
     Timestamps, shaders,
 };
 use crate::stream::pool::Access;
-use crate::stream::scene::Scene;
+use crate::stream::scene::{Carried, Scene};
 use crate::stream::table::Table;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -306,7 +306,6 @@ struct Target {
 /// A program for exact pictures: only what they need is in it.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Exact {
-    bridges: bool,
     ramped: bool,
     screen: bool,
 }
@@ -475,8 +474,8 @@ impl Renderer {
             Access::Address => (shaders::EXACT, &[BindingKind::Uniform][..]),
             Access::StorageBuffer => (shaders::EXACT_SSBO, &BUFFERS[..]),
         };
-        let Exact { bridges, ramped, screen } = exact;
-        let flags = [(2, bridges), (3, ramped), (4, screen)].map(|(id, on)| (id, u32::from(on)));
+        let Exact { ramped, screen } = exact;
+        let flags = [(3, ramped), (4, screen)].map(|(id, on)| (id, u32::from(on)));
         let constants = [[(0, GROUP[0]), (1, GROUP[1])].as_slice(), &flags].concat();
         let push_bytes = size_of::<Push>() as u32;
         let program = ComputePipeline::new(gpu, "exact", words, &constants, push_bytes, buffers)?;
@@ -521,6 +520,11 @@ impl Renderer {
         band: Band,
         mut clock: Option<&mut Timestamps>,
     ) -> Result<SyncPoint, FrameError> {
+        match view.colors.mode {
+            ColorMode::Rgb => scene.carry(Carried::Colors)?,
+            ColorMode::Intensity | ColorMode::Return => scene.carry(Carried::Values)?,
+            ColorMode::Class | ColorMode::Height => {}
+        }
         let (mut commands, slot) = scene.order.begin_frame("frame")?;
         self.prepare(scene, slot, view.size)?;
         let table_bytes: &[u8] = bytemuck::cast_slice(&table.slots);
@@ -563,11 +567,7 @@ impl Renderer {
         }
         match (view.traversal, view.shade) {
             (Traversal::Fast, Shade::None) => {
-                let exact = Exact {
-                    bridges: scene.visibility().bridge > 0,
-                    ramped: view.colors.mode != ColorMode::Rgb,
-                    screen: band.screen,
-                };
+                let exact = Exact { ramped: view.colors.mode != ColorMode::Rgb, screen: band.screen };
                 passes.push(("trace", self.exact(&gpu, exact)?, pixels));
             }
             (traversal, _) => {

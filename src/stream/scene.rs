@@ -44,6 +44,15 @@ impl Visibility {
     }
 }
 
+/// What columns show besides their class.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carried {
+    /// RGB.
+    Colors,
+    /// Intensity and returns.
+    Values,
+}
+
 /// What has been copied and built since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
@@ -133,6 +142,7 @@ struct Derive {
     visible: [u32; 8],
     visible_withheld: [u32; 8],
     bridge: u32,
+    values: u32,
     steep: i32,
 }
 
@@ -161,6 +171,7 @@ pub struct Scene {
     /// Builds write to live slots, too, and read those of neighbours.
     last_build: Option<SyncPoint>,
     visibility: Visibility,
+    carried: Carried,
     cell: f64,
     counters: Counters,
     /// The copy that is being recorded, and whose sections it moves.
@@ -191,6 +202,7 @@ impl Scene {
             last_frame: None,
             last_build: None,
             visibility,
+            carried: Carried::Colors,
             cell,
             counters: Counters::default(),
             batch: None,
@@ -498,11 +510,24 @@ impl Scene {
     pub fn show(&mut self, visibility: Visibility) -> Result<(), GpuError> {
         if visibility != self.visibility {
             self.visibility = visibility;
-            let all: BTreeSet<_> = self.sections.keys().copied().collect();
-            let tops = self.jobs(&all, &BTreeSet::new());
-            self.build(&tops, &tops, &[])?;
+            self.rebuild()?;
         }
         Ok(())
+    }
+
+    /// Lets columns carry other things; as [`Scene::show`].
+    pub fn carry(&mut self, carried: Carried) -> Result<(), GpuError> {
+        if carried != self.carried {
+            self.carried = carried;
+            self.rebuild()?;
+        }
+        Ok(())
+    }
+
+    fn rebuild(&mut self) -> Result<(), GpuError> {
+        let all: BTreeSet<_> = self.sections.keys().copied().collect();
+        let tops = self.jobs(&all, &BTreeSet::new());
+        self.build(&tops, &tops, &[])
     }
 
     /// One job for every built version of `keys`, and for those of `fresh`, whose copies are there.
@@ -515,7 +540,7 @@ impl Scene {
             resident.coming.as_ref().filter(|v| is_built(&key, v)).or(resident.live.as_ref())
         };
         let derived = |v: &Version| {
-            let [x, y] = self.pool.place_of_word(&v.slot, v.layout.tops);
+            let [x, y] = self.pool.place_of_word(&v.slot, v.layout.shown);
             [x, y, v.layout.code.base as u32, v.layout.code.wide.into()]
         };
         let mut jobs = Vec::new();
@@ -548,6 +573,7 @@ impl Scene {
             visible: words,
             visible_withheld: if self.visibility.withheld { words } else { [0; 8] },
             bridge: self.visibility.bridge.min(4),
+            values: (self.carried == Carried::Values).into(),
             // Gaps steeper than 45° are edges.
             steep: (self.cell * HEIGHT_STEPS_PER_UNIT).clamp(1.0, 1e6) as i32,
         };
@@ -692,10 +718,8 @@ impl Scene {
                     _ => around(*key).iter().filter_map(highest).max()?,
                 };
                 let layout = &version.layout;
-                let place = self.pool.place(&version.slot);
                 let pyramid = self.pool.place_of_word(&version.slot, layout.pyramid);
-                let attributes = layout.uploaded_words - layout.attributes;
-                Some(Entry { key: *key, place, pyramid, attributes, code: layout.code, top })
+                Some(Entry { key: *key, pyramid, code: layout.code, top })
             })
             .collect();
         entries.sort_unstable_by_key(|e| e.key);
@@ -743,7 +767,7 @@ mod tests {
         let first = [("tops", shaders::TOPS), ("tops, POOL_SSBO", shaders::TOPS_SSBO)];
         let second = [("bridge", shaders::BRIDGE), ("bridge, POOL_SSBO", shaders::BRIDGE_SSBO)];
         let third = [("pyramid", shaders::PYRAMID), ("pyramid, POOL_SSBO", shaders::PYRAMID_SSBO)];
-        let masked = members!(Derive { visible, visible_withheld, bridge, steep });
+        let masked = members!(Derive { visible, visible_withheld, bridge, values, steep });
         for pass in [&first, &second, &third] {
             assert_in(pass, &members!(Job { section, near }));
         }

@@ -19,18 +19,14 @@ pub struct Node {
     pub top: u32,
     /// Level | detail level << 16.
     pub meta: u32,
-    /// Where the payload lies: its device address (or word), low half first.
-    pub place: [u32; 2],
-    /// Where its pyramid lies; the highest bit is set where codes are wide.
+    /// Where its pyramid lies: its device address (or word), low half first; the highest bit is set where codes are wide.
     pub pyramid: [u32; 2],
     /// Lattice height of code 0, from the anchor.
     pub base: i32,
     /// Slots of the sections of its size to the east, west, north and south; all ones where there is none.
     pub beside: [u32; 4],
-    /// Words that its attributes take.
-    pub attributes: u32,
     /// Up to a cache line.
-    pub pad: [u32; 2],
+    pub pad: [u32; 5],
 }
 
 const _: () = assert!(size_of::<Node>() == 64);
@@ -50,12 +46,10 @@ const UNUSED: Node = Node {
     key: [u32::MAX; 2],
     top: 0,
     meta: 0,
-    place: [0; 2],
     pyramid: [0; 2],
     base: 0,
     beside: [u32::MAX; 4],
-    attributes: 0,
-    pad: [0; 2],
+    pad: [0; 5],
 };
 
 /// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
@@ -68,12 +62,8 @@ fn key(level: u32, index: [i32; 2]) -> [u32; 2] {
 pub struct Entry {
     /// Which one.
     pub key: SectionKey,
-    /// Its payload's place.
-    pub place: [u32; 2],
-    /// Its pyramid's.
+    /// Its pyramid's place.
     pub pyramid: [u32; 2],
-    /// Words that its attributes take.
-    pub attributes: u32,
     /// How it stores heights.
     pub code: HeightCode,
     /// Nothing that it shows is higher.
@@ -144,9 +134,7 @@ impl Table {
                 key: key(level, index),
                 meta: level | u32::from(e.key.level) << 16,
                 top: marked(top, SECTION),
-                place: e.place,
                 pyramid: [e.pyramid[0], e.pyramid[1] | if e.code.wide { WIDE } else { 0 }],
-                attributes: e.attributes,
                 base: e.code.base.wrapping_sub(anchor.0),
                 ..UNUSED
             };
@@ -203,19 +191,14 @@ mod tests {
 
     #[test]
     fn shaders_see_nodes_as_they_are_written() {
-        assert_in(
-            &readers_of_tables(),
-            &members!(Node { key, top, meta, place, pyramid, base, beside, attributes, pad }),
-        );
+        assert_in(&readers_of_tables(), &members!(Node { key, top, meta, pyramid, base, beside, pad }));
     }
 
     fn entry(i: i32, j: i32, top: i32) -> Entry {
         Entry {
             key: SectionKey { level: 0, i, j },
-            place: [i as u32, j as u32],
             code: HeightCode { base: 0, wide: false },
-            pyramid: [8, 0],
-            attributes: 0,
+            pyramid: [i as u32, j as u32 & 0xFFFF],
             top: Height(top),
         }
     }
@@ -242,7 +225,7 @@ mod tests {
         let table = Table::build(&entries, Height(50));
         for e in &entries {
             let node = find(&table, 8, [e.key.i, e.key.j]).unwrap();
-            assert_eq!((node.place, node.top & SECTION), (e.place, SECTION));
+            assert_eq!((node.pyramid, node.top & SECTION), (e.pyramid, SECTION));
             for level in 9..=table.top_level {
                 let above = find(&table, level, [e.key.i >> (level - 8), e.key.j >> (level - 8)]).unwrap();
                 assert!(f32::from_bits(above.top) >= (e.top.0 - 50) as f32 && above.top & SECTION == 0);

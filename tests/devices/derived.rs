@@ -5,10 +5,10 @@ use glam::{IVec2, ivec2};
 use lasray::attribute::{Attributes, ClassMask, Record};
 use lasray::coords::{HEIGHT_STEPS_PER_UNIT, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
-use lasray::section::{Columns, Packed, column_index};
+use lasray::section::{BLOCK_ELEMENTS, Columns, Packed, column_index};
 use lasray::source::FLAG_WITHHELD;
 use lasray::stream::pool::Access;
-use lasray::stream::scene::{Scene, Visibility};
+use lasray::stream::scene::{Carried, Scene, Visibility};
 use std::collections::BTreeMap;
 
 const CELL: f64 = 0.25;
@@ -22,8 +22,9 @@ fn section(i: i32, j: i32) -> Packed {
         let hash = |k: u32| (at ^ k << 17 ^ ((i * 5 + j + 9) as u32) << 22).wrapping_mul(2_654_435_761) >> 12;
         let mut add = |height: u32, class: u8, flags: u8| {
             let height = Height(height as i32);
-            let (rgb, returns) = ([1, 2, 3], 0x11);
-            columns.add(x, y, Record::pack(Attributes { height, class, intensity: 9, rgb, returns, flags }));
+            let (rgb, returns) = ([8, 9, 10].map(|k| hash(k) as u8), hash(11) as u8);
+            let intensity = hash(12) as u16;
+            columns.add(x, y, Record::pack(Attributes { height, class, intensity, rgb, returns, flags }));
         };
         // From dense in the west to a few columns in the east.
         if hash(1) % 256 >= x.max(20) * 15 / 16 {
@@ -48,10 +49,10 @@ fn section(i: i32, j: i32) -> Packed {
     columns.pack()
 }
 
-/// Run on show and lattice height of a cell.
+/// What a cell shows and its lattice height.
 type Tops = BTreeMap<(i32, i32), (u32, i32)>;
 
-fn tops(key: SectionKey, packed: &Packed, shown: &Visibility, tops: &mut Tops) {
+fn tops(key: SectionKey, packed: &Packed, shown: &Visibility, carried: Carried, tops: &mut Tops) {
     let (words, layout) = (&packed.words, packed.layout);
     let counts: &[u8] = bytemuck::cast_slice(&words[layout.counts as usize..layout.heights as usize]);
     let mut place = vec![(0, 0); SECTION_COLUMNS];
@@ -62,17 +63,25 @@ fn tops(key: SectionKey, packed: &Packed, shown: &Visibility, tops: &mut Tops) {
     for (&count, at) in counts.iter().zip(place) {
         let mut runs = first..first + u32::from(count);
         first = runs.end;
-        let top = runs.find(|run| {
+        let record = |run: u32| {
             let at = (layout.attributes + 2 * run) as usize;
-            let record = Record::of(Height(0), [words[at], words[at + 1]]);
-            shown.shows(record.class(), record.flags() & FLAG_WITHHELD != 0)
-        });
+            Record::of(Height(0), [words[at], words[at + 1]])
+        };
+        let top =
+            runs.find(|&run| shown.shows(record(run).class(), record(run).flags() & FLAG_WITHHELD != 0));
         if let Some(run) = top {
             let code = match layout.code.wide {
                 true => words[(layout.heights + run) as usize],
                 false => words[(layout.heights + run / 2) as usize] >> (16 * (run % 2)) & 0xFFFF,
             };
-            tops.insert(at, (run, layout.code.decode(code).0));
+            let Attributes { class, rgb: [r, g, b], intensity, returns, .. } =
+                record(run).unpack().expect("a run");
+            let shows = match carried {
+                Carried::Colors => [r, g, b],
+                Carried::Values => [intensity as u8, (intensity >> 8) as u8, returns],
+            };
+            let shows = u32::from_le_bytes([shows[0], shows[1], shows[2], class]);
+            tops.insert(at, (shows, layout.code.decode(code).0));
         }
     }
 }
@@ -98,9 +107,9 @@ fn bridge(tops: &Tops, at: IVec2, reach: i32) -> Option<(i32, IVec2)> {
     best.map(|(_, found)| found)
 }
 
-fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility) {
+fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility, carried: Carried) {
     let mut all = Tops::new();
-    sections.iter().for_each(|(key, packed)| tops(*key, packed, &shown, &mut all));
+    sections.iter().for_each(|(key, packed)| tops(*key, packed, &shown, carried, &mut all));
     let mut bridged = 0;
     for (key, _) in sections {
         let (layout, words) = scene.read(*key).unwrap().expect("live");
@@ -108,30 +117,48 @@ fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility
             true => words[layout.pyramid as usize + k],
             false => words[layout.pyramid as usize + k / 2] >> (16 * (k % 2)) & 0xFFFF,
         };
-        let bridges: &[u8] = bytemuck::cast_slice(&words[layout.bridges as usize..layout.pyramid as usize]);
         let mut level = vec![0; SECTION_COLUMNS];
         for (x, y) in (0..SECTION_SIDE).flat_map(|y| (0..SECTION_SIDE).map(move |x| (x, y))) {
             let at = ivec2(key.i * SIDE + x as i32, key.j * SIDE + y as i32);
             let top = all.get(&at.into());
             let column = usize::from(column_index(x, y));
             let what = format!("{shown:?}, {key:?}, column {x}, {y}");
-            assert_eq!(words[layout.tops as usize + column], top.map_or(!0, |t| t.0), "top: {what}");
+            let bits = (column / 64 * BLOCK_ELEMENTS as usize + 24) >> u32::from(!layout.code.wide);
+            let bits = words[layout.pyramid as usize + bits + column / 32 % 2];
+            assert_eq!(bits >> (column % 32) & 1 != 0, top.is_some(), "measured: {what}");
             let bridge = if top.is_none() { bridge(&all, at, shown.bridge as i32) } else { None };
-            let source = bridge.map_or(0, |(_, s)| (s.y + 4) * 9 + s.x + 4 + 1);
-            assert_eq!(i32::from(bridges[column]), source, "bridge: {what}");
+            let source = top.or_else(|| bridge.map(|(_, s)| &all[&(at + s).into()]));
+            assert_eq!(words[layout.shown as usize + column], source.map_or(0, |t| t.0), "shown: {what}");
             bridged += usize::from(bridge.is_some());
             let most = if layout.code.wide { i32::MAX } else { 0xFFFF };
             let code = |height: i32| (height - layout.code.base).clamp(1, most) as u32;
             level[(y * SECTION_SIDE + x) as usize] = top.map(|t| t.1).or(bridge.map(|b| b.0)).map_or(0, code);
         }
-        let (mut first, mut side) = (0, SECTION_SIDE as usize);
+        let mut side = SECTION_SIDE as usize;
         loop {
-            let wrong = (0..side * side).find(|&k| element(first + k) != level[k]);
+            // Levels 1, 2, 3 and 0 of a block of 8x8 columns lie together, the others behind all blocks.
+            let place = |k: usize| {
+                let (x, y) = (k % side, k / side);
+                let within = side / 32;
+                match side {
+                    32.. => {
+                        let first = match side {
+                            256 => 32,
+                            128 => 0,
+                            64 => 16,
+                            _ => 20,
+                        };
+                        let block = y / within * 32 + x / within;
+                        block * BLOCK_ELEMENTS as usize + first + y % within * within + x % within
+                    }
+                    _ => 1024 * BLOCK_ELEMENTS as usize + (1024 - 4 * side * side) / 3 + k,
+                }
+            };
+            let wrong = (0..side * side).find(|&k| element(place(k)) != level[k]);
             assert_eq!(wrong, None, "{shown:?}, {key:?}, nodes of {} columns", SECTION_SIDE as usize / side);
             if side == 1 {
                 break;
             }
-            first += side * side;
             let half = side / 2;
             level = (0..half * half)
                 .map(|k| k / half * 2 * side + k % half * 2)
@@ -162,7 +189,9 @@ fn derived_parts_are_as_specified() {
                 assert!(scene.upload(*key, packed).unwrap());
             }
             scene.settle().unwrap();
-            check(&mut scene, &sections, shown);
+            check(&mut scene, &sections, shown, Carried::Colors);
+            scene.carry(Carried::Values).unwrap();
+            check(&mut scene, &sections, shown, Carried::Values);
             for (classes, withheld, bridge) in [
                 (ClassMask::only(&[2, 5, 6, 200]), true, 4),
                 (ClassMask::only(&[5, 200]), false, 4),
@@ -171,7 +200,7 @@ fn derived_parts_are_as_specified() {
             ] {
                 let shown = Visibility { classes, withheld, bridge };
                 scene.show(shown).unwrap();
-                check(&mut scene, &sections, shown);
+                check(&mut scene, &sections, shown, Carried::Values);
             }
         }
         assert_eq!(gpu.messages(), [""; 0]);
