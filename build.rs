@@ -1,7 +1,8 @@
 //! Compiles `shaders/*.comp` (and those of the tests) into SPIR-V words that the crate includes.
 //!
 //! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
-//! an `#ifdef POOL_SSBO`, itself or in an include, is compiled twice: as `NAME`, and as `NAME_SSBO` with it.
+//! an `#ifdef POOL_SSBO`, itself or in an include, is compiled as `NAME`, and as `NAME_SSBO` with it; so with
+//! `POOL_TEXELS`.
 //! Release builds learn the commit they are built from, for the reports of benchmarks.
 
 use std::fmt::Write as _;
@@ -72,8 +73,10 @@ fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
     for source in &sources {
         let stem = source.file_stem().and_then(|s| s.to_str()).ok_or("a shader's name is not UTF-8")?;
         let mut variants = vec![(stem.to_uppercase(), None)];
-        if has_ssbo_variant(source, 0)? {
-            variants.push((format!("{}_SSBO", stem.to_uppercase()), Some("POOL_SSBO")));
+        for (suffix, define) in [("SSBO", "POOL_SSBO"), ("TEXELS", "POOL_TEXELS")] {
+            if asks_for(source, &format!("#ifdef {define}"), 0)? {
+                variants.push((format!("{}_{suffix}", stem.to_uppercase()), Some(define)));
+            }
         }
         for (name, define) in variants {
             let words = compile(source, define, out)?;
@@ -85,11 +88,11 @@ fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
     Ok(text)
 }
 
-/// Whether `source` has a second variant: whether it, or what it includes, asks for `POOL_SSBO`.
-fn has_ssbo_variant(source: &Path, depth: u32) -> Result<bool, String> {
+/// Whether `source`, or what it includes, has the line `line`.
+fn asks_for(source: &Path, asked: &str, depth: u32) -> Result<bool, String> {
     let text = fs::read_to_string(source).map_err(|e| format!("{}: {e}", source.display()))?;
     for line in text.lines().map(str::trim_start).filter(|line| line.starts_with('#')) {
-        if line.contains("POOL_SSBO") {
+        if line == asked {
             return Ok(true);
         }
         let Some(name) = line.strip_prefix("#include").and_then(|l| l.split('"').nth(1)) else { continue };
@@ -97,7 +100,7 @@ fn has_ssbo_variant(source: &Path, depth: u32) -> Result<bool, String> {
         let file = [beside, Path::new("shaders").join(name)].into_iter().find(|p| p.is_file());
         if let Some(file) = file
             && depth < 16
-            && has_ssbo_variant(&file, depth + 1)?
+            && asks_for(&file, asked, depth + 1)?
         {
             return Ok(true);
         }

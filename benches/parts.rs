@@ -113,7 +113,7 @@ fn forest() -> Columns {
 fn packing(c: &mut Criterion) {
     let mut group = c.benchmark_group("pack");
     for (name, columns) in [("open land", open_land()), ("forest", forest())] {
-        let mut ring = vec![0; columns.layout().uploaded_words as usize];
+        let mut ring = vec![0; columns.layout().words as usize];
         group.throughput(Throughput::Bytes(4 * ring.len() as u64));
         group.bench_function(name, |b| b.iter(|| columns.pack_into(black_box(&mut ring))));
     }

@@ -35,10 +35,10 @@ float top_of(inout Here here, int level, ivec2 node) {
         for (int l = max(level, frame.section_level); l >= max(level, int(SECTION_LOG2)); l--) {
             uint slot = find_node(uint(l), node >> l - level);
             if (slot == NO_NODE) continue;
-            uint top = NODE[slot].top;
+            uint top = node_top(slot);
             if (is_section(top) && level < l) {
-                uvec2 pyramid = NODE[slot].pyramid;
-                here = Here(node >> l - level, slot, pyramid_place(pyramid), NODE[slot].base, l, l - int(SECTION_LOG2),
+                uvec2 pyramid = node_pyramid(slot);
+                here = Here(node >> l - level, slot, pyramid_place(pyramid), node_base(slot), l, l - int(SECTION_LOG2),
                             pyramid_wide(pyramid));
                 break;
             }

@@ -91,6 +91,23 @@ layout(push_constant, scalar) uniform Push {
     uint first_row, rows; // the band of the picture that the hit records and colours are of
 } push;
 
+#ifdef POOL_TEXELS
+uint node_word(uint slot, int word) { return imageLoad(table_texels, int(slot * 16u) + word).r; }
+uvec2 node_key(uint slot) { return uvec2(node_word(slot, 0), node_word(slot, 1)); }
+uint node_top(uint slot) { return node_word(slot, 2); }
+uint node_meta(uint slot) { return node_word(slot, 3); }
+uvec2 node_pyramid(uint slot) { return uvec2(node_word(slot, 4), node_word(slot, 5)); }
+int node_base(uint slot) { return int(node_word(slot, 6)); }
+uint node_beside(uint slot, uint side) { return node_word(slot, 7 + int(side)); }
+#else
+uvec2 node_key(uint slot) { return NODE[slot].key; }
+uint node_top(uint slot) { return NODE[slot].top; }
+uint node_meta(uint slot) { return NODE[slot].meta; }
+uvec2 node_pyramid(uint slot) { return NODE[slot].pyramid; }
+int node_base(uint slot) { return NODE[slot].base; }
+uint node_beside(uint slot, uint side) { return NODE[slot].beside[side]; }
+#endif
+
 // t beyond which a ray has left everything; an axis along which it does not move is crossed later than that.
 const float FAR = 1e15;
 
@@ -103,14 +120,14 @@ uint find_node(uint level, ivec2 index) {
     uint mask = frame.table_mask;
     uvec2 key = uvec2(level << 26u | uint(index.x) & 0x3FFFFFFu, uint(index.y));
     for (uint slot = (h ^ h >> 13u) & mask;; slot = (slot + 1u) & mask) {
-        uvec2 there = NODE[slot].key;
+        uvec2 there = node_key(slot);
         if (there == key) return slot;
         if (there.x == NO_KEY) return NO_NODE;
     }
 }
 
 // Index of the node in `slot`.
-ivec2 index_of(uint slot) { return ivec2(int(NODE[slot].key.x << 6u) >> 6, int(NODE[slot].key.y)); }
+ivec2 index_of(uint slot) { return ivec2(int(node_key(slot).x << 6u) >> 6, int(node_key(slot).y)); }
 
 // A hit record: x is t (world units from the ray's origin, as float bits), y the table slot or NO_NODE for a
 // miss, z the column (y << 8 | x) and the face << 16, w the column's top (lattice steps from the anchor, int bits).

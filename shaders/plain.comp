@@ -24,9 +24,9 @@ PlainNode plain_node(ivec2 cell, int level) {
     node.top = 0;
     node.there = false;
     if (node.slot != NO_NODE) {
-        uvec2 pyramid = NODE[node.slot].pyramid;
+        uvec2 pyramid = node_pyramid(node.slot);
         uint code = pyramid_code(pyramid_place(pyramid), pyramid_element(uint(level), node.inner), pyramid_wide(pyramid));
-        node.top = NODE[node.slot].base + int(code);
+        node.top = node_base(node.slot) + int(code);
         node.there = code != 0u;
     }
     return node;

@@ -1,4 +1,4 @@
-// A section's payload: the header that src/section.rs writes, and where a column's things are.
+// Where a column's things are in a section's payload (src/section.rs).
 // Needs pool.glsl.
 
 const uint SECTION_LOG2 = 8u;
@@ -13,8 +13,7 @@ uint block_order(uvec2 column) {
 }
 
 // The pyramid's levels 0 to 3 lie block by block, 96 elements for 8x8 columns: level 1 row by row, level 2, level 3,
-// the measured bits (two words from the 25th element's on; from the 13th's where codes are wide, a word each), and from
-// the 33rd element on level 0: a way down to a column reads two cache lines, whichever way it came. Levels 4 to 8
+// the measured bits (words 12 and 13 of the block, or 24 and 25 where codes are wide), and from element 32 on level 0: a way down to a column reads two cache lines, whichever way it came. Levels 4 to 8
 // follow, row by row.
 const uint BLOCK_ELEMENTS = 96u;
 const uint LEVEL_0 = 32u;

@@ -30,10 +30,10 @@ void go_to(inout Here here, ivec2 column) {
 bool top_at(inout Here here, ivec2 column, out float top) {
     go_to(here, column);
     if (here.slot == NO_NODE) return false;
-    uvec2 pyramid = NODE[here.slot].pyramid;
+    uvec2 pyramid = node_pyramid(here.slot);
     uint element = pyramid_element(0u, uvec2(column) & (SECTION_SIDE - 1u));
     uint code = pyramid_code(pyramid_place(pyramid), element, pyramid_wide(pyramid));
-    top = float(NODE[here.slot].base + int(code));
+    top = float(node_base(here.slot) + int(code));
     return code != 0u;
 }
 
@@ -97,7 +97,7 @@ void main() {
     if (hit.y == NO_NODE) {
         color = background(ray.world);
     } else {
-        uint meta = NODE[hit.y].meta;
+        uint meta = node_meta(hit.y);
         int detail = int(meta >> 16u & 0xFFu);
         uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
         uint face = hit.z >> 16u & 7u;

@@ -102,7 +102,7 @@ Hit trace(Ray ray, float start, int level) {
             east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
             t_exit = max(east ? ts.x : ts.y, t);
             hit.slot = find_node(uint(level), node ^ flip);
-            uint top = hit.slot != NO_NODE ? NODE[hit.slot].top : 0u;
+            uint top = hit.slot != NO_NODE ? node_top(hit.slot) : 0u;
             // A ray that starts below the table's levels is near something.
             bool down = hit.slot != NO_NODE && (fma(falls ? t_exit : t, walk.dz, walk.z0) <= uintBitsToFloat(top) || first < level);
             if (down && is_section(top)) break;
@@ -141,10 +141,10 @@ Hit trace(Ray ray, float start, int level) {
         bool found = false;
         // From section to section, as long as they are of one size.
         while (true) {
-        uvec2 pyramid = NODE[hit.slot].pyramid;
+        uvec2 pyramid = node_pyramid(hit.slot);
         uint wide = pyramid_wide(pyramid);
         pyramid = pyramid_place(pyramid);
-        int base = NODE[hit.slot].base;
+        int base = node_base(hit.slot);
         while (true) {
             hit.steps++;
             vec2 ts = t_at(walk, node + 1 << level);
@@ -181,7 +181,7 @@ Hit trace(Ray ray, float start, int level) {
         // The level stays as it is: what is near the ray here is near it there. What has climbed to the section's
         // own size goes on in the table, which skips more.
         if (level == ceiling - 1) break;
-        uint next = NODE[hit.slot].beside[face == FACE_WEST ? walk.mirror.x : 2 + walk.mirror.y];
+        uint next = node_beside(hit.slot, uint(face == FACE_WEST ? walk.mirror.x : 2 + walk.mirror.y));
         if (next == NO_NODE) break;
         hit.slot = next;
         level++;

@@ -147,11 +147,6 @@ impl Columns {
             + (self.more.len() - 1) * size_of::<Best>()
     }
 
-    /// Bytes of device memory the section will take.
-    pub fn device_bytes(&self) -> u64 {
-        self.layout().device_bytes()
-    }
-
     /// Where each part of the packed section starts.
     pub fn layout(&self) -> Layout {
         Layout::new(self.runs, self.code())
@@ -199,18 +194,18 @@ impl Columns {
     /// Packs the section into memory of its own.
     pub fn pack(&self) -> Packed {
         let layout = self.layout();
-        let mut words = vec![0; layout.uploaded_words as usize];
+        let mut words = vec![0; layout.words as usize];
         let highest_of = self.pack_into(&mut words);
         Packed { words, layout, points: self.points, highest_of }
     }
 
-    /// Packs the section into the front of `words`, which has room for [`Layout::uploaded_words`]; gives the highest
+    /// Packs the section into the front of `words`, which has room for [`Layout::words`]; gives the highest
     /// record of each (class, withheld) present.
     ///
     /// Each word is written once, front to back within each part, and none is read: the memory may be write-combined.
     pub fn pack_into(&self, words: &mut [u32]) -> Vec<(u8, bool, Height)> {
         let layout = self.layout();
-        let (header, rest) = words[..layout.uploaded_words as usize].split_at_mut(layout.blocks as usize);
+        let (header, rest) = words[..layout.words as usize].split_at_mut(layout.blocks as usize);
         let (first_runs, rest) = rest.split_at_mut(SECTION_BLOCKS);
         let (counts, rest) = rest.split_at_mut(SECTION_COLUMNS / 4);
         let (heights, attributes) = rest.split_at_mut((layout.attributes - layout.heights) as usize);
@@ -486,10 +481,8 @@ pub const HEADER_WORDS: u32 = 16;
 pub const BLOCK_ELEMENTS: u32 = 96;
 /// Elements of a section's pyramid: the blocks, then levels 4 to 8, row by row.
 pub const PYRAMID_ELEMENTS: u32 = SECTION_BLOCKS as u32 * BLOCK_ELEMENTS + 342;
-/// Words of a cache line: derived parts start with one.
-const LINE_WORDS: u32 = 16;
 
-/// Where each part of a payload starts, in words from its start.
+/// Where each part of what is uploaded of a section starts, in words from its start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// How heights are stored.
@@ -504,15 +497,13 @@ pub struct Layout {
     pub heights: u32,
     /// Attributes of runs: two words each, `Record`'s second and third.
     pub attributes: u32,
-    /// Words that are uploaded; what follows is derived on the device.
-    pub uploaded_words: u32,
-    /// Derived: class and colour (or values) of what each column shows, one word, in block order.
-    pub shown: u32,
-    /// Derived: the maximum pyramid, 16 or 32 bits an element, and which columns are measured.
-    pub pyramid: u32,
-    /// All words, uploaded and derived.
+    /// All words.
     pub words: u32,
 }
+
+/// Derived on the device, in a place of its own: class and colour (or values) of what each column shows, one word, in
+/// block order; then, from this word on, the maximum pyramid, 16 or 32 bits an element, and which columns are measured.
+pub const DERIVED_PYRAMID: u32 = SECTION_COLUMNS as u32;
 
 impl Layout {
     fn new(runs: u32, code: HeightCode) -> Layout {
@@ -521,38 +512,27 @@ impl Layout {
         let counts = blocks + SECTION_BLOCKS as u32;
         let heights = counts + (SECTION_COLUMNS / 4) as u32;
         let attributes = heights + runs.div_ceil(per_word);
-        let uploaded_words = attributes + 2 * runs;
-        let shown = uploaded_words.next_multiple_of(LINE_WORDS);
-        let pyramid = shown + SECTION_COLUMNS as u32;
-        let words = pyramid + PYRAMID_ELEMENTS / per_word;
-        Layout { code, runs, blocks, counts, heights, attributes, uploaded_words, shown, pyramid, words }
+        let words = attributes + 2 * runs;
+        Layout { code, runs, blocks, counts, heights, attributes, words }
     }
 
     fn header(&self) -> [u32; HEADER_WORDS as usize] {
         let code = u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
-        [
-            KIND_COLUMNS,
-            self.words,
-            code,
-            self.code.base as u32,
-            self.runs,
-            self.blocks,
-            self.counts,
-            self.heights,
-            self.attributes,
-            self.shown,
-            self.pyramid,
-            self.uploaded_words,
-            0,
-            0,
-            0,
-            0,
-        ]
+        let mut header = [0; HEADER_WORDS as usize];
+        let parts = [self.blocks, self.counts, self.heights, self.attributes];
+        header[..5].copy_from_slice(&[KIND_COLUMNS, self.words, code, self.code.base as u32, self.runs]);
+        header[5..9].copy_from_slice(&parts);
+        header
     }
 
-    /// Bytes of device memory the payload takes.
-    pub fn device_bytes(&self) -> u64 {
+    /// Bytes that are uploaded.
+    pub fn uploaded_bytes(&self) -> u64 {
         u64::from(self.words) * 4
+    }
+
+    /// Bytes that are derived from them.
+    pub fn derived_bytes(&self) -> u64 {
+        4 * u64::from(DERIVED_PYRAMID) + u64::from(PYRAMID_ELEMENTS) * if self.code.wide { 4 } else { 2 }
     }
 }
 
@@ -561,7 +541,7 @@ pub type HighestOf = Vec<(u8, bool, Height)>;
 
 /// A section ready for upload. Immutable.
 pub struct Packed {
-    /// Header and runs: `layout.uploaded_words` words.
+    /// Header and runs: `layout.words` words.
     pub words: Vec<u32>,
     /// Offsets of its parts.
     pub layout: Layout,
@@ -606,7 +586,7 @@ mod tests {
         highest_of.sort();
         let code = columns.code();
         let layout = Layout::new(runs as u32, code);
-        let mut words = vec![0u32; layout.uploaded_words as usize];
+        let mut words = vec![0u32; layout.words as usize];
         words[..HEADER_WORDS as usize].copy_from_slice(&layout.header());
         let (mut run, mut next_block) = (0u32, 0usize);
         columns.columns(|x, y, records| {
@@ -641,7 +621,7 @@ mod tests {
         for rubbish in [0xDEAD_BEEF, !0] {
             let mut ring = vec![rubbish; words.len() + 3];
             assert_eq!(columns.pack_into(&mut ring), highest_of);
-            assert_eq!(columns.layout().uploaded_words as usize, words.len());
+            assert_eq!(columns.layout().words as usize, words.len());
             assert!(ring[..words.len()] == words);
             assert!(ring[words.len()..] == [rubbish; 3]);
         }

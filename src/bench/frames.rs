@@ -153,7 +153,7 @@ pub fn run_pool(
 ) -> anyhow::Result<PoolRun> {
     let drawn = options.drawn(path);
     let mut run = PoolRun { drawn: Vec::new(), stream: Vec::new(), missing: 0, pictures: Vec::new() };
-    let mut resident = Pool::new(gpu, world)?;
+    let mut resident = Pool::new(gpu, world, config.side())?;
     resident.load(world, window(config, world, path.camera(0)?.eye()))?;
     // Drivers compile on first use: a picture that is not measured.
     let start = path.camera(0)?;

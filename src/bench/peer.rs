@@ -219,7 +219,7 @@ pub fn run(
     }
 
     progress("our own trace");
-    let mut pool = Pool::new(gpu, world)?;
+    let mut pool = Pool::new(gpu, world, side)?;
     pool.load(world, window)?;
     let view = frames::view(world, &camera, size, window);
     let picture = pool.picture(&view)?;

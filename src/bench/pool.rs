@@ -37,11 +37,14 @@ fn grown([low, high]: [[i32; 2]; 2]) -> [[i32; 2]; 2] {
 }
 
 impl Pool {
-    /// An empty pool.
-    pub fn new(gpu: &Gpu, world: &World) -> Result<Pool, FrameError> {
+    /// An empty pool for windows of `cells` a side.
+    pub fn new(gpu: &Gpu, world: &World, cells: u32) -> Result<Pool, FrameError> {
         let budget = BUDGET.min(gpu.info().memory_bytes / 8 * 7);
+        // Wherever it lies, and with the margin.
+        let side = u64::from(cells.div_ceil(1 << SECTION_LOG2)) + 3;
+        let access = Access::best(gpu, side * side * world.mean_derived_bytes());
         let cell = world.grid.cell();
-        let mut scene = Scene::new(gpu, |o: Order| o, Access::Address, budget, world.visibility, cell)?;
+        let mut scene = Scene::new(gpu, |o: Order| o, access, budget, world.visibility, cell)?;
         scene.time();
         let renderer = Renderer::new(&scene, world.grid, world.anchor)?;
         let clock = Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?;
@@ -67,17 +70,28 @@ impl Pool {
         }
         let before = self.scene.counters().section_bytes;
         let mut packing = Duration::ZERO;
-        for key in wanted.difference(&self.wanted) {
-            let Some(columns) = world.columns(*key) else { continue };
+        let fresh: Vec<_> = wanted.difference(&self.wanted).copied().collect();
+        for key in fresh {
+            let Some(columns) = world.columns(key) else { continue };
             let from = Instant::now();
             let layout = columns.layout();
             packing += from.elapsed();
-            let room = self.scene.upload_with(*key, layout, |words| {
-                let from = Instant::now();
-                let highest_of = columns.pack_into(words);
-                packing += from.elapsed();
-                highest_of
-            })?;
+            let mut put = |scene: &mut Scene| {
+                scene.upload_with(key, layout, |words| {
+                    let from = Instant::now();
+                    let highest_of = columns.pack_into(words);
+                    packing += from.elapsed();
+                    highest_of
+                })
+            };
+            let mut room = put(&mut self.scene)?;
+            if !room {
+                // What is not wanted makes room.
+                let spare: Vec<_> = self.wanted.difference(&wanted).copied().collect();
+                self.scene.remove(&spare)?;
+                self.wanted.retain(|key| wanted.contains(key));
+                room = put(&mut self.scene)?;
+            }
             anyhow::ensure!(room, "the sections of the window do not fit the device's memory");
         }
         self.scene.flush()?;

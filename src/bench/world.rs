@@ -6,6 +6,7 @@ use crate::load::Loaded;
 use crate::render::camera::Bounds;
 use crate::section::{BLOCK_COLUMNS, BLOCK_LOG2, Columns, Packed};
 use crate::source::FLAG_WITHHELD;
+use crate::stream::pool::slot_bytes;
 use crate::stream::scene::Visibility;
 use std::collections::HashMap;
 
@@ -102,6 +103,13 @@ impl World {
         let at = [key.i, key.j];
         let at = [0, 1].map(|a| self.origin[a] + (at[a] - self.origin[a]).rem_euclid(self.period[a]));
         self.sections.get(&at)
+    }
+
+    /// What the derived part of a section takes of the pool, in the mean, bytes.
+    pub fn mean_derived_bytes(&self) -> u64 {
+        let all: u64 =
+            self.sections.values().map(|columns| slot_bytes(columns.layout().derived_bytes())).sum();
+        all / (self.sections.len() as u64).max(1)
     }
 
     /// Tops and colours of the cells (x.., y) in cells from the grid's anchor, as many as `heights` has.

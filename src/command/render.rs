@@ -17,7 +17,7 @@ use crate::source::crs::Unit;
 use crate::source::inputs;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::Budget;
-use crate::stream::pool::Access;
+use crate::stream::pool::{Access, slot_bytes};
 use crate::stream::scene::{Scene, Visibility};
 use anyhow::Context;
 use frames::Pattern;
@@ -513,8 +513,11 @@ fn draw(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path, film: Option<&Fil
 
     let count = sections.len();
     let pool_bytes = device_budget(gpu, args);
-    let mut scene =
-        Scene::new(gpu, |order: Order| order, Access::Address, pool_bytes, visibility(args), grid.cell())?;
+    let access = Access::best(
+        gpu,
+        sections.iter().map(|(_, columns)| slot_bytes(columns.layout().derived_bytes())).sum(),
+    );
+    let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility(args), grid.cell())?;
     let mut present = upload(&mut scene, sections)?;
     if scene.entries().is_empty() {
         present.sort_unstable();

@@ -94,6 +94,8 @@ impl fmt::Display for DeviceInfo {
 pub struct Limits {
     /// Largest range of one storage buffer binding, bytes.
     pub storage_buffer_range: u64,
+    /// Most texels of a buffer seen as such.
+    pub texels: u32,
     /// Largest single buffer, bytes.
     pub buffer_bytes: u64,
     /// Largest single allocation, bytes.
@@ -454,6 +456,7 @@ fn limits(
     let limits = properties.properties.limits;
     Limits {
         storage_buffer_range: u64::from(limits.max_storage_buffer_range),
+        texels: limits.max_texel_buffer_elements,
         buffer_bytes: p13.max_buffer_size,
         allocation_bytes: p11.max_memory_allocation_size,
         workgroups: limits.max_compute_work_group_count,

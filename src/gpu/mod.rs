@@ -17,7 +17,7 @@ mod timeline;
 mod timestamps;
 
 pub use command::{BufferCopy, Commands};
-pub use device::{DeviceInfo, Gpu, GpuOptions, QueueKind, list_devices};
+pub use device::{DeviceInfo, DeviceKind, Gpu, GpuOptions, QueueKind, list_devices};
 pub use memory::{Buffer, MemoryKind};
 pub use order::{Edge, Event, Order};
 pub use pipeline::{Binding, BindingKind, ComputePipeline};

@@ -30,6 +30,8 @@ pub enum BindingKind {
     Storage,
     /// A small buffer of constants.
     Uniform,
+    /// A buffer of words that shaders see as texels: at most [`super::Limits::texels`].
+    Texels,
 }
 
 impl BindingKind {
@@ -37,6 +39,7 @@ impl BindingKind {
         match self {
             BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
             BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
+            BindingKind::Texels => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
         }
     }
 }
@@ -145,26 +148,45 @@ impl ComputePipeline {
         let pool = unsafe { device.create_descriptor_pool(&create, None) }
             .map_err(|e| failed("vkCreateDescriptorPool", e))?;
         let buffers: Vec<Buffer> = buffers.iter().map(|&b| b.clone()).collect();
-        let mut set =
-            BoundSet { pool, set: vk::DescriptorSet::null(), pipeline: self.clone(), _buffers: buffers };
+        let mut set = BoundSet {
+            pool,
+            set: vk::DescriptorSet::null(),
+            pipeline: self.clone(),
+            buffers,
+            views: Vec::new(),
+        };
         let layouts = [program.set_layout];
         let allocate = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
         // SAFETY: pool and layout are alive and used by this thread alone.
         set.set = unsafe { device.allocate_descriptor_sets(&allocate) }
             .map_err(|e| failed("vkAllocateDescriptorSets", e))?[0];
         let infos: Vec<_> = set
-            ._buffers
+            .buffers
             .iter()
             .map(|b| [vk::DescriptorBufferInfo { buffer: b.handle(), offset: 0, range: vk::WHOLE_SIZE }])
             .collect();
+        for (buffer, kind) in set.buffers.iter().zip(&program.bindings) {
+            let mut view = vk::BufferView::null();
+            if *kind == BindingKind::Texels {
+                let create = vk::BufferViewCreateInfo::default()
+                    .buffer(buffer.handle())
+                    .format(vk::Format::R32_UINT)
+                    .range(vk::WHOLE_SIZE);
+                // SAFETY: the buffer is alive and was made for such views.
+                view = unsafe { device.create_buffer_view(&create, None) }
+                    .map_err(|e| failed("vkCreateBufferView", e))?;
+            }
+            set.views.push([view]);
+        }
         let writes: Vec<_> = (0u32..)
-            .zip(infos.iter().zip(&program.bindings))
-            .map(|(i, (info, kind))| {
+            .zip(infos.iter().zip(&program.bindings).zip(&set.views))
+            .map(|(i, ((info, kind), view))| {
                 vk::WriteDescriptorSet::default()
                     .dst_set(set.set)
                     .dst_binding(i)
                     .descriptor_type(kind.descriptor())
                     .buffer_info(info)
+                    .texel_buffer_view(view)
             })
             .collect();
         // SAFETY: the set is new, so no work uses it; the buffers live as long as the set.
@@ -205,7 +227,9 @@ struct BoundSet {
     pool: vk::DescriptorPool,
     set: vk::DescriptorSet,
     pipeline: ComputePipeline,
-    _buffers: Vec<Buffer>,
+    buffers: Vec<Buffer>,
+    /// Of the buffers that are seen as texels; null for others.
+    views: Vec<[vk::BufferView; 1]>,
 }
 
 impl Binding {
@@ -216,7 +240,11 @@ impl Binding {
 
 impl Drop for BoundSet {
     fn drop(&mut self) {
-        // SAFETY: this is the last handle; work in flight holds one of its own.
-        unsafe { self.pipeline.0.gpu.device().destroy_descriptor_pool(self.pool, None) };
+        let device = self.pipeline.0.gpu.device();
+        // SAFETY: this is the last handle; work in flight holds one of its own. Null handles are allowed.
+        unsafe {
+            device.destroy_descriptor_pool(self.pool, None);
+            self.views.iter().flatten().for_each(|view| device.destroy_buffer_view(*view, None));
+        }
     }
 }

@@ -269,6 +269,45 @@ const BUFFERS: [BindingKind; 8] = {
     all
 };
 
+/// And where it is read as texels: constants, pool, table.
+const TEXELS: [BindingKind; 3] = [BindingKind::Uniform, BindingKind::Texels, BindingKind::Texels];
+
+/// A pass's program for each [`Access`].
+struct Variants {
+    by_address: &'static [u32],
+    by_texels: &'static [u32],
+    by_buffer: &'static [u32],
+}
+
+macro_rules! variants {
+    ($address:ident, $texels:ident, $buffer:ident) => {
+        Variants { by_address: shaders::$address, by_texels: shaders::$texels, by_buffer: shaders::$buffer }
+    };
+}
+
+static BEAM: Variants = variants!(BEAM, BEAM_TEXELS, BEAM_SSBO);
+static TRACE: Variants = variants!(TRACE, TRACE_TEXELS, TRACE_SSBO);
+static EXACT: Variants = variants!(EXACT, EXACT_TEXELS, EXACT_SSBO);
+static PLAIN: Variants = variants!(PLAIN, PLAIN_TEXELS, PLAIN_SSBO);
+static SHADE: Variants = variants!(SHADE, SHADE_TEXELS, SHADE_SSBO);
+
+impl Variants {
+    fn program(
+        &self,
+        gpu: &Gpu,
+        name: &str,
+        access: Access,
+        constants: &[(u32, u32)],
+    ) -> Result<ComputePipeline, GpuError> {
+        let (words, buffers) = match access {
+            Access::Address => (self.by_address, &[BindingKind::Uniform][..]),
+            Access::Texels => (self.by_texels, &TEXELS[..]),
+            Access::StorageBuffer => (self.by_buffer, &BUFFERS[..]),
+        };
+        ComputePipeline::new(gpu, name, words, constants, size_of::<Push>() as u32, buffers)
+    }
+}
+
 /// Passes of a frame.
 pub const PASSES: u32 = 4;
 
@@ -386,28 +425,18 @@ impl Renderer {
     /// For scenes on `grid`, with heights counted from `anchor` on the device.
     pub fn new(scene: &Scene, grid: Grid, anchor: Height) -> Result<Renderer, GpuError> {
         let access = scene.pool().access();
-        let pass = |name, by_address, by_buffer| {
-            let (words, buffers) = match access {
-                Access::Address => (by_address, &[BindingKind::Uniform][..]),
-                Access::StorageBuffer => (by_buffer, &BUFFERS[..]),
-            };
-            let constants = [(0, GROUP[0]), (1, GROUP[1])];
-            ComputePipeline::new(scene.gpu(), name, words, &constants, size_of::<Push>() as u32, buffers)
+        let pass = |name, words: &Variants, group: [u32; 2], constants: &[(u32, u32)]| {
+            let constants = [&[(0, group[0]), (1, group[1])], constants].concat();
+            words.program(scene.gpu(), name, access, &constants)
         };
-        let beams = |name, side: u32, before: u32| {
-            let (words, buffers) = match access {
-                Access::Address => (shaders::BEAM, &[BindingKind::Uniform][..]),
-                Access::StorageBuffer => (shaders::BEAM_SSBO, &BUFFERS[..]),
-            };
-            let constants = [(0, GROUP[0]), (1, 1), (2, side), (3, before)];
-            ComputePipeline::new(scene.gpu(), name, words, &constants, size_of::<Push>() as u32, buffers)
-        };
+        let beams =
+            |name, side: u32, before: u32| pass(name, &BEAM, [GROUP[0], 1], &[(2, side), (3, before)]);
         Ok(Renderer {
             wide_beams: beams("wide beams", WIDE_TILE, 0)?,
             beams: beams("beams", TILE, WIDE_TILE)?,
-            trace: pass("trace", shaders::TRACE, shaders::TRACE_SSBO)?,
-            plain: pass("plain", shaders::PLAIN, shaders::PLAIN_SSBO)?,
-            shade: pass("shade", shaders::SHADE, shaders::SHADE_SSBO)?,
+            trace: pass("trace", &TRACE, GROUP, &[])?,
+            plain: pass("plain", &PLAIN, GROUP, &[])?,
+            shade: pass("shade", &SHADE, GROUP, &[])?,
             exact: HashMap::new(),
             access,
             in_flight: Vec::new(),
@@ -470,15 +499,10 @@ impl Renderer {
         if let Some(program) = self.exact.get(&exact) {
             return Ok(program.clone());
         }
-        let (words, buffers) = match self.access {
-            Access::Address => (shaders::EXACT, &[BindingKind::Uniform][..]),
-            Access::StorageBuffer => (shaders::EXACT_SSBO, &BUFFERS[..]),
-        };
         let Exact { ramped, screen } = exact;
         let flags = [(3, ramped), (4, screen)].map(|(id, on)| (id, u32::from(on)));
         let constants = [[(0, GROUP[0]), (1, GROUP[1])].as_slice(), &flags].concat();
-        let push_bytes = size_of::<Push>() as u32;
-        let program = ComputePipeline::new(gpu, "exact", words, &constants, push_bytes, buffers)?;
+        let program = EXACT.program(gpu, "exact", self.access, &constants)?;
         self.exact.insert(exact, program.clone());
         Ok(program)
     }
@@ -589,13 +613,15 @@ impl Renderer {
             commands.keep(buffer.clone());
         }
         scene.pool().buffers().for_each(|b| commands.keep(b.clone()));
-        let pool = scene.pool().buffers().next().cloned();
+        let pool = scene.pool().derived_page().cloned();
         let bindings = |program: &ComputePipeline| -> Result<Binding, GpuError> {
-            if self.access == Access::Address {
-                return program.binding(&[&buffers.frame]);
-            }
             // An empty scene has no page; the table is never followed into it.
             let pool = pool.as_ref().unwrap_or(&buffers.table);
+            match self.access {
+                Access::Address => return program.binding(&[&buffers.frame]),
+                Access::Texels => return program.binding(&[&buffers.frame, pool, &buffers.table]),
+                Access::StorageBuffer => {}
+            }
             let all = [
                 pool,
                 &buffers.table,
@@ -645,7 +671,7 @@ impl Renderer {
     /// All but what is said of the table.
     fn constants(&self, view: &View, rays: &Rays, buffers: &InFlight, target: &Target) -> FrameConstants {
         let place = match self.access {
-            Access::Address => |b: &Buffer| halves(b.address()),
+            Access::Address | Access::Texels => |b: &Buffer| halves(b.address()),
             Access::StorageBuffer => |_: &Buffer| [0; 2],
         };
         FrameConstants {

@@ -1,6 +1,7 @@
 //! The pool: device memory in which payloads lie, in pages, sub-allocated. It knows only bytes.
 
-use crate::gpu::{Buffer, Gpu, GpuError, MemoryKind};
+use crate::gpu::{Buffer, DeviceKind, Gpu, GpuError, MemoryKind};
+use crate::section::Layout;
 use offset_allocator::{Allocation, Allocator, ext::min_allocator_size};
 
 /// Bytes of a page: small enough for devices that cap a storage buffer at 128 MiB.
@@ -15,8 +16,24 @@ const ALIGN: u64 = 256;
 pub enum Access {
     /// By device address: any number of pages.
     Address,
+    /// By device address, and as texels where frames read it: derived parts have one page.
+    Texels,
     /// Through one storage buffer, which synchronization validation sees: one page of 128 MiB.
     StorageBuffer,
+}
+
+impl Access {
+    /// How a pool is best reached that will hold derived parts of `bytes` (of slots) at most.
+    pub fn best(gpu: &Gpu, bytes: u64) -> Access {
+        // Some places will be too small for what is asked for.
+        let fits = bytes <= texel_bytes(gpu) / 16 * 15;
+        if gpu.info().kind == DeviceKind::Cpu && fits { Access::Texels } else { Access::Address }
+    }
+}
+
+/// Largest page that can be seen as texels.
+fn texel_bytes(gpu: &Gpu) -> u64 {
+    u64::from(gpu.limits().texels) * 4
 }
 
 /// What `bytes` take of a page, units of [`ALIGN`]. The allocator keeps free space by size classes, and looks into
@@ -30,6 +47,20 @@ fn units(bytes: u64) -> u32 {
 /// Bytes of a page that a payload of `bytes` takes.
 pub fn slot_bytes(bytes: u64) -> u64 {
     u64::from(units(bytes)) * ALIGN
+}
+
+/// What a section takes of a pool: a slot for what is uploaded, one for what is derived.
+pub fn section_bytes(layout: &Layout) -> u64 {
+    slot_bytes(layout.uploaded_bytes()) + slot_bytes(layout.derived_bytes())
+}
+
+/// What a slot is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Written by copies, read by derived passes.
+    Uploaded,
+    /// Written by derived passes, read by frames.
+    Derived,
 }
 
 /// Where a payload lies. Not `Clone`: given back once, to [`Pool::free`].
@@ -53,6 +84,25 @@ struct Page {
     buffer: Buffer,
     space: Allocator,
     free_bytes: u64,
+    /// How far it was ever used: a page that is seen as texels is as large as can be, and backed by memory no further.
+    reached_bytes: u64,
+    /// Seen as texels: derived parts alone are in it, and in no other.
+    texels: bool,
+}
+
+impl Page {
+    fn alloc(&mut self, units: u32) -> Option<(Allocation, u64)> {
+        let allocation = self.space.allocate(units)?;
+        self.free_bytes -= u64::from(units) * ALIGN;
+        let offset = u64::from(allocation.offset) * ALIGN;
+        self.reached_bytes = self.reached_bytes.max(offset + u64::from(units) * ALIGN);
+        Some((allocation, offset))
+    }
+
+    /// What it takes of the budget.
+    fn held_bytes(&self) -> u64 {
+        if self.texels { self.reached_bytes } else { self.buffer.size() }
+    }
 }
 
 /// Pages of device memory under a hard budget.
@@ -61,56 +111,60 @@ pub struct Pool {
     access: Access,
     pages: Vec<Option<Page>>,
     budget_bytes: u64,
-    page_bytes: u64,
     used_bytes: u64,
 }
 
 impl Pool {
     /// An empty pool of at most `budget_bytes` of pages.
     pub fn new(gpu: &Gpu, access: Access, budget_bytes: u64) -> Pool {
-        let page_bytes = match access {
-            Access::Address => PAGE_BYTES,
-            Access::StorageBuffer => SINGLE_PAGE_BYTES,
-        };
-        Pool { gpu: gpu.clone(), access, pages: Vec::new(), budget_bytes, page_bytes, used_bytes: 0 }
+        Pool { gpu: gpu.clone(), access, pages: Vec::new(), budget_bytes, used_bytes: 0 }
     }
 
     /// A place for `bytes`; `None` when the budget has no room for it.
-    pub fn alloc(&mut self, bytes: u64) -> Result<Option<Slot>, GpuError> {
+    pub fn alloc(&mut self, part: Part, bytes: u64) -> Result<Option<Slot>, GpuError> {
         let units = units(bytes);
+        let texels = self.access == Access::Texels && part == Part::Derived;
+        let mut found = None;
         for (index, page) in self.pages.iter_mut().enumerate() {
-            let Some(page) = page else { continue };
-            if let Some(allocation) = page.space.allocate(units) {
-                page.free_bytes -= u64::from(units) * ALIGN;
-                self.used_bytes += bytes;
-                let offset = u64::from(allocation.offset) * ALIGN;
-                return Ok(Some(Slot { page: index, allocation, offset, bytes, units }));
+            let Some(page) = page.as_mut().filter(|page| page.texels == texels) else { continue };
+            found = page.alloc(units).map(|place| (index, place));
+            if found.is_some() {
+                break;
             }
         }
-        let Some(index) = self.new_page(u64::from(units) * ALIGN)? else { return Ok(None) };
-        let page = self.pages[index].as_mut().expect("just made");
-        let allocation = page.space.allocate(units).expect("the page was made to hold it");
-        page.free_bytes -= u64::from(units) * ALIGN;
+        if found.is_none() {
+            let Some(index) = self.new_page(texels, u64::from(units) * ALIGN)? else { return Ok(None) };
+            let page = self.pages[index].as_mut().expect("just made");
+            found = page.alloc(units).map(|place| (index, place));
+        }
+        let (page, (allocation, offset)) = found.expect("the page was made to hold it");
         self.used_bytes += bytes;
-        Ok(Some(Slot { page: index, offset: u64::from(allocation.offset) * ALIGN, allocation, bytes, units }))
+        let slot = Slot { page, allocation, offset, bytes, units };
+        if texels && self.held_bytes() > self.budget_bytes {
+            self.free(slot);
+            return Ok(None);
+        }
+        Ok(Some(slot))
     }
 
     /// Adds a page that holds at least `bytes`, if the budget allows.
-    fn new_page(&mut self, bytes: u64) -> Result<Option<usize>, GpuError> {
-        if self.access == Access::StorageBuffer && self.buffers().next().is_some() {
-            return Ok(None);
-        }
-        let held: u64 = self.pages.iter().flatten().map(|p| p.buffer.size()).sum();
-        let left = self.budget_bytes.saturating_sub(held) / ALIGN * ALIGN;
+    fn new_page(&mut self, texels: bool, bytes: u64) -> Result<Option<usize>, GpuError> {
+        let left = self.budget_bytes.saturating_sub(self.held_bytes()) / ALIGN * ALIGN;
         // The last page may be smaller than the others.
-        let size = self.page_bytes.max(bytes).min(left);
-        if size < bytes || size == 0 {
+        let size = match self.access {
+            Access::Texels if texels => texel_bytes(&self.gpu) / ALIGN * ALIGN,
+            Access::Address | Access::Texels => PAGE_BYTES.max(bytes).min(left),
+            Access::StorageBuffer => SINGLE_PAGE_BYTES.max(bytes).min(left),
+        };
+        let only = texels || self.access == Access::StorageBuffer;
+        if only && self.pages.iter().flatten().any(|page| page.texels == texels) || size < bytes || size == 0
+        {
             return Ok(None);
         }
         let buffer =
             Buffer::new(&self.gpu, &format!("pool page {}", self.pages.len()), MemoryKind::Device, size)?;
         let space = Allocator::new((size / ALIGN) as u32);
-        let page = Some(Page { buffer, space, free_bytes: size });
+        let page = Some(Page { buffer, space, free_bytes: size, reached_bytes: 0, texels });
         let vacant = self.pages.iter().position(Option::is_none);
         let index = vacant.unwrap_or(self.pages.len());
         match vacant {
@@ -137,22 +191,28 @@ impl Pool {
         &self.pages[slot.page].as_ref().expect("a slot's page stays").buffer
     }
 
-    /// A slot's place as the shaders take it.
-    pub fn place(&self, slot: &Slot) -> [u32; 2] {
-        self.place_of_word(slot, 0)
-    }
-
-    /// The place of word `word` of a slot.
-    pub fn place_of_word(&self, slot: &Slot, word: u32) -> [u32; 2] {
-        let offset = slot.offset + 4 * u64::from(word);
+    /// The place of word `word` of a slot, for those who write it.
+    pub fn place(&self, slot: &Slot, word: u32) -> [u32; 2] {
         match self.access {
-            Access::Address => {
-                let address = self.buffer(slot).address() + offset;
+            Access::Address | Access::Texels => {
+                let address = self.buffer(slot).address() + slot.offset + 4 * u64::from(word);
                 [address as u32, (address >> 32) as u32]
             }
-            // Place 0, 0 stands for "none".
-            Access::StorageBuffer => [(offset / 4) as u32, 1],
+            Access::StorageBuffer => self.word_of_page(slot, word),
         }
+    }
+
+    /// The same for those who read it.
+    pub fn place_to_read(&self, slot: &Slot, word: u32) -> [u32; 2] {
+        match self.access {
+            Access::Address => self.place(slot, word),
+            Access::Texels | Access::StorageBuffer => self.word_of_page(slot, word),
+        }
+    }
+
+    /// Place 0, 0 stands for "none".
+    fn word_of_page(&self, slot: &Slot, word: u32) -> [u32; 2] {
+        [(slot.offset / 4) as u32 + word, 1]
     }
 
     /// How shaders reach it.
@@ -170,8 +230,13 @@ impl Pool {
         self.used_bytes
     }
 
+    /// The page that derived parts are in, where it is the only one.
+    pub fn derived_page(&self) -> Option<&Buffer> {
+        self.pages.iter().flatten().find(|p| p.texels == (self.access == Access::Texels)).map(|p| &p.buffer)
+    }
+
     /// Bytes of all pages.
     pub fn held_bytes(&self) -> u64 {
-        self.buffers().map(Buffer::size).sum()
+        self.pages.iter().flatten().map(Page::held_bytes).sum()
     }
 }

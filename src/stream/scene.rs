@@ -4,7 +4,7 @@
 //! mask, bridges and pyramid); when the host has seen the build reached, tables may name it. Another mask
 //! reruns the build on what is resident and copies nothing.
 
-use super::pool::{Access, Pool, Slot};
+use super::pool::{Access, Part, Pool, Slot};
 use super::table::Entry;
 use crate::attribute::ClassMask;
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
@@ -12,7 +12,7 @@ use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
     SyncPoint, Timestamps, UploadRing, shaders,
 };
-use crate::section::{HighestOf, Layout, Packed, SECTION_BLOCKS};
+use crate::section::{DERIVED_PYRAMID, HighestOf, Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -74,9 +74,15 @@ enum State {
     Live,
 }
 
+/// Where a version lies.
+struct Slots {
+    uploaded: Slot,
+    derived: Slot,
+}
+
 /// One version of a section.
 struct Version {
-    slot: Slot,
+    slots: Slots,
     layout: Layout,
     highest_of: HighestOf,
     state: State,
@@ -107,7 +113,7 @@ struct Resident {
 
 /// A slot that was given back: free once the last work that used it is over.
 struct Freed {
-    slot: Slot,
+    slots: Slots,
     uses: Vec<SyncPoint>,
 }
 
@@ -231,29 +237,29 @@ impl Scene {
         if self.staged.contains(&key) {
             self.flush()?;
         }
-        let Some(slot) = self.slot(layout.device_bytes())? else { return Ok(false) };
-        let len = u64::from(layout.uploaded_words) * 4;
+        let Some(slots) = self.slots(&layout)? else { return Ok(false) };
+        let len = layout.uploaded_bytes();
         let highest_of = if len <= RING_BYTES {
             let from = self.ring_place(len)?;
             let highest_of =
                 self.ring.buffer().write_with(from, len, |bytes| write(bytemuck::cast_slice_mut(bytes)));
-            self.stage(&slot, 0, from, len)?;
+            self.stage(&slots.uploaded, 0, from, len)?;
             highest_of
         } else {
             // A payload that is larger than the ring goes in pieces.
-            let mut words = vec![0; layout.uploaded_words as usize];
+            let mut words = vec![0; layout.words as usize];
             let highest_of = write(&mut words);
             let piece_bytes = RING_BYTES as usize / 2;
             for (piece, part) in bytemuck::cast_slice::<u32, u8>(&words).chunks(piece_bytes).enumerate() {
                 let from = self.ring_place(part.len() as u64)?;
                 self.ring.buffer().write(from, part);
-                self.stage(&slot, (piece * piece_bytes) as u64, from, part.len() as u64)?;
+                self.stage(&slots.uploaded, (piece * piece_bytes) as u64, from, part.len() as u64)?;
             }
             highest_of
         };
         self.counters.section_bytes += len;
         self.counters.sections += 1;
-        let version = Version { slot, layout, highest_of, state: State::Staged };
+        let version = Version { slots, layout, highest_of, state: State::Staged };
         self.staged.push(key);
         let overtaken = self.sections.entry(key).or_default().coming.replace(version);
         if let Some(old) = overtaken {
@@ -262,17 +268,25 @@ impl Scene {
         Ok(true)
     }
 
-    /// A slot of `bytes`; `None` when there is none even after all that was given back is free.
-    fn slot(&mut self, bytes: u64) -> Result<Option<Slot>, GpuError> {
+    /// Slots for a version; `None` when there are none even after all that was given back is free.
+    fn slots(&mut self, layout: &Layout) -> Result<Option<Slots>, GpuError> {
+        let alloc = |pool: &mut Pool| -> Result<Option<Slots>, GpuError> {
+            let Some(derived) = pool.alloc(Part::Derived, layout.derived_bytes())? else { return Ok(None) };
+            let Some(uploaded) = pool.alloc(Part::Uploaded, layout.uploaded_bytes())? else {
+                pool.free(derived);
+                return Ok(None);
+            };
+            Ok(Some(Slots { uploaded, derived }))
+        };
         loop {
-            if let Some(slot) = self.pool.alloc(bytes)? {
-                return Ok(Some(slot));
+            if let Some(slots) = alloc(&mut self.pool)? {
+                return Ok(Some(slots));
             }
             // The copy being recorded knows nothing of slots that come back from here on.
             self.flush()?;
             self.reclaim()?;
-            if let Some(slot) = self.pool.alloc(bytes)? {
-                return Ok(Some(slot));
+            if let Some(slots) = alloc(&mut self.pool)? {
+                return Ok(Some(slots));
             }
             let Some(last_use) = self.freed.first().and_then(|f| f.uses.last()) else { return Ok(None) };
             self.order.wait(*last_use)?;
@@ -399,7 +413,7 @@ impl Scene {
         }
         uses.extend(self.last_build);
         uses.extend(self.last_frame);
-        self.freed.push(Freed { slot: version.slot, uses });
+        self.freed.push(Freed { slots: version.slots, uses });
     }
 
     /// Gives slots back to the pool whose last use the host has seen over.
@@ -418,7 +432,8 @@ impl Scene {
                         None => self.reclaimed.push(point),
                     }
                 }
-                self.pool.free(freed.slot);
+                self.pool.free(freed.slots.uploaded);
+                self.pool.free(freed.slots.derived);
             } else {
                 still.push(freed);
             }
@@ -476,7 +491,7 @@ impl Scene {
 
     /// The job of the version of `key` that is on its way.
     fn job_of_coming(&self, key: SectionKey, fresh: &BTreeSet<SectionKey>) -> Option<Task> {
-        let [x, y] = self.pool.place(&self.sections.get(&key)?.coming.as_ref()?.slot);
+        let [x, y] = self.pool.place(&self.sections.get(&key)?.coming.as_ref()?.slots.uploaded, 0);
         self.jobs(&BTreeSet::from([key]), fresh).into_iter().find(|task| task.job.section[..2] == [x, y])
     }
 
@@ -540,7 +555,7 @@ impl Scene {
             resident.coming.as_ref().filter(|v| is_built(&key, v)).or(resident.live.as_ref())
         };
         let derived = |v: &Version| {
-            let [x, y] = self.pool.place_of_word(&v.slot, v.layout.shown);
+            let [x, y] = self.pool.place(&v.slots.derived, 0);
             [x, y, v.layout.code.base as u32, v.layout.code.wide.into()]
         };
         let mut jobs = Vec::new();
@@ -550,7 +565,7 @@ impl Scene {
             for version in resident.live.iter().chain(coming) {
                 let mut near = around(*key).map(|near| newest(near).map_or([0; 4], derived));
                 near[4] = derived(version);
-                let [x, y] = self.pool.place(&version.slot);
+                let [x, y] = self.pool.place(&version.slots.uploaded, 0);
                 let job = Job { section: [x, y, version.layout.runs, 0], near };
                 let all = version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w));
                 jobs.push(Task { job, wide: version.layout.code.wide, all });
@@ -643,7 +658,9 @@ impl Scene {
         };
         let constants: Vec<_> = (0..).zip(variant.map(u32::from)).collect();
         let program = match self.pool.access() {
-            Access::Address => ComputePipeline::new(&self.gpu, name, by_address, &constants, 16, &[])?,
+            Access::Address | Access::Texels => {
+                ComputePipeline::new(&self.gpu, name, by_address, &constants, 16, &[])?
+            }
             Access::StorageBuffer => {
                 ComputePipeline::new(&self.gpu, name, by_buffer, &constants, 0, &[BindingKind::Storage; 3])?
             }
@@ -663,7 +680,7 @@ impl Scene {
         let jobs = self.constant("jobs", bytemuck::cast_slice(jobs))?;
         commands.bind(program);
         match self.pool.access() {
-            Access::Address => {
+            Access::Address | Access::Texels => {
                 commands.push(bytemuck::cast_slice(&[jobs.address(), params.address()]));
                 self.pool.buffers().for_each(|b| commands.keep(b.clone()));
                 commands.keep(jobs);
@@ -685,19 +702,25 @@ impl Scene {
         Ok(buffer)
     }
 
-    /// Reads a live section back: all its words, copied and derived. For tests; waits.
-    pub fn read(&mut self, key: SectionKey) -> Result<Option<(Layout, Vec<u32>)>, GpuError> {
+    /// Reads a live section back: the words that were copied, and those that were derived. For tests; waits.
+    pub fn read(&mut self, key: SectionKey) -> Result<Option<(Layout, [Vec<u32>; 2])>, GpuError> {
         let Some(version) = self.sections.get(&key).and_then(|r| r.live.as_ref()) else { return Ok(None) };
-        let (layout, from) = (version.layout, version.slot.offset());
-        let pool = self.pool.buffer(&version.slot).clone();
-        let size = layout.device_bytes();
-        let back = Buffer::new(&self.gpu, "section read back", MemoryKind::Readback, size)?;
-        let (mut commands, _) = self.order.begin_frame("section read back")?;
-        self.order.readback(&mut commands, &[(&pool, &back, BufferCopy { from, to: 0, size })]);
-        let point = self.order.submit(commands)?;
-        let mut words = vec![0; layout.words as usize];
-        self.order.read(point, &back, 0, bytemuck::cast_slice_mut(&mut words))?;
-        Ok(Some((layout, words)))
+        let layout = version.layout;
+        let parts = [
+            (&version.slots.uploaded, layout.uploaded_bytes()),
+            (&version.slots.derived, layout.derived_bytes()),
+        ]
+        .map(|(slot, size)| (self.pool.buffer(slot).clone(), slot.offset(), size));
+        let mut read = [const { Vec::new() }; 2];
+        for ((pool, from, size), words) in parts.into_iter().zip(&mut read) {
+            let back = Buffer::new(&self.gpu, "section read back", MemoryKind::Readback, size)?;
+            let (mut commands, _) = self.order.begin_frame("section read back")?;
+            self.order.readback(&mut commands, &[(&pool, &back, BufferCopy { from, to: 0, size })]);
+            let point = self.order.submit(commands)?;
+            words.resize(size as usize / 4, 0);
+            self.order.read(point, &back, 0, bytemuck::cast_slice_mut(words))?;
+        }
+        Ok(Some((layout, read)))
     }
 
     /// What a table may name now: live sections that show anything, in key order.
@@ -718,7 +741,7 @@ impl Scene {
                     _ => around(*key).iter().filter_map(highest).max()?,
                 };
                 let layout = &version.layout;
-                let pyramid = self.pool.place_of_word(&version.slot, layout.pyramid);
+                let pyramid = self.pool.place_to_read(&version.slots.derived, DERIVED_PYRAMID);
                 Some(Entry { key: *key, pyramid, code: layout.code, top })
             })
             .collect();

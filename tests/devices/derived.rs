@@ -5,7 +5,7 @@ use glam::{IVec2, ivec2};
 use lasray::attribute::{Attributes, ClassMask, Record};
 use lasray::coords::{HEIGHT_STEPS_PER_UNIT, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
-use lasray::section::{BLOCK_ELEMENTS, Columns, Packed, column_index};
+use lasray::section::{BLOCK_ELEMENTS, Columns, DERIVED_PYRAMID, Packed, column_index};
 use lasray::source::FLAG_WITHHELD;
 use lasray::stream::pool::Access;
 use lasray::stream::scene::{Carried, Scene, Visibility};
@@ -112,10 +112,10 @@ fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility
     sections.iter().for_each(|(key, packed)| tops(*key, packed, &shown, carried, &mut all));
     let mut bridged = 0;
     for (key, _) in sections {
-        let (layout, words) = scene.read(*key).unwrap().expect("live");
+        let (layout, [_, words]) = scene.read(*key).unwrap().expect("live");
         let element = |k: usize| match layout.code.wide {
-            true => words[layout.pyramid as usize + k],
-            false => words[layout.pyramid as usize + k / 2] >> (16 * (k % 2)) & 0xFFFF,
+            true => words[DERIVED_PYRAMID as usize + k],
+            false => words[DERIVED_PYRAMID as usize + k / 2] >> (16 * (k % 2)) & 0xFFFF,
         };
         let mut level = vec![0; SECTION_COLUMNS];
         for (x, y) in (0..SECTION_SIDE).flat_map(|y| (0..SECTION_SIDE).map(move |x| (x, y))) {
@@ -124,11 +124,11 @@ fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility
             let column = usize::from(column_index(x, y));
             let what = format!("{shown:?}, {key:?}, column {x}, {y}");
             let bits = (column / 64 * BLOCK_ELEMENTS as usize + 24) >> u32::from(!layout.code.wide);
-            let bits = words[layout.pyramid as usize + bits + column / 32 % 2];
+            let bits = words[DERIVED_PYRAMID as usize + bits + column / 32 % 2];
             assert_eq!(bits >> (column % 32) & 1 != 0, top.is_some(), "measured: {what}");
             let bridge = if top.is_none() { bridge(&all, at, shown.bridge as i32) } else { None };
             let source = top.or_else(|| bridge.map(|(_, s)| &all[&(at + s).into()]));
-            assert_eq!(words[layout.shown as usize + column], source.map_or(0, |t| t.0), "shown: {what}");
+            assert_eq!(words[column], source.map_or(0, |t| t.0), "shown: {what}");
             bridged += usize::from(bridge.is_some());
             let most = if layout.code.wide { i32::MAX } else { 0xFFFF };
             let code = |height: i32| (height - layout.code.base).clamp(1, most) as u32;

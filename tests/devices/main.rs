@@ -87,6 +87,8 @@ fn both_ways_into_the_pool_give_the_same_pictures() {
             let by_address = pictures(&gpu, &data, Access::Address, traversal);
             let by_buffer = pictures(&gpu, &data, Access::StorageBuffer, traversal);
             assert!(by_address == by_buffer, "{traversal:?}");
+            let by_texels = pictures(&gpu, &data, Access::Texels, traversal);
+            assert!(by_address == by_texels, "{traversal:?}");
         }
         assert_eq!(gpu.messages(), [""; 0]);
     });

@@ -11,7 +11,7 @@ use lasray::render::camera::{Bounds, Camera, Projection};
 use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
 use lasray::section::Packed;
-use lasray::stream::pool::{Access, slot_bytes};
+use lasray::stream::pool::{Access, section_bytes};
 use lasray::stream::scene::{Scene, Visibility};
 use std::collections::BTreeMap;
 
@@ -108,7 +108,7 @@ impl Story {
 
     /// Tells it all; what was wrong.
     pub fn run(&self, gpu: &Gpu, access: Access, without: Option<Edge>) -> Vec<String> {
-        let slot = slot_bytes(self.data.sections[0].1.layout.device_bytes());
+        let slot = section_bytes(&self.data.sections[0].1.layout);
         let order = |order: Order| match without {
             Some(edge) => order.without(edge),
             None => order,
