@@ -50,7 +50,7 @@ float top_of(inout Here here, int level, ivec2 node) {
     int at = max(level, here.finest);
     uint l = uint(at - here.finest), side = SECTION_SIDE >> l;
     uvec2 inner = uvec2(node >> at - level) & (side - 1u);
-    uint code = pyramid_code(here.pyramid, pyramid_element(l, inner), here.wide);
+    uint code = pyramid_code(here.pyramid, l, inner, here.wide);
     return code == 0u ? NOTHING : float(here.base + int(code));
 }
 

@@ -27,7 +27,7 @@ uint measured(ivec2 half_block) {
     uvec2 at = uvec2(half_block) & uvec2(31u, 63u);
     uint columns = 0u;
     if (section.xy != uvec2(0u))
-        columns = pool_load(section.xy, measured_word(((at.y >> 1u) * 32u + at.x) * 2u + (at.y & 1u), section.w != 0u));
+        columns = pool_load(section.xy, (at.y << BLOCKS_LOG2 | at.x * 2u) * block_words(section.w) + measured_in_block(section.w));
     return columns;
 }
 
@@ -35,10 +35,7 @@ uint measured(ivec2 half_block) {
 int height_at(ivec2 column) {
     uvec4 section = section_of(uint(column.x) > SECTION_SIDE - 1u, uint(column.y) > SECTION_SIDE - 1u);
     uvec2 at = uvec2(column) & (SECTION_SIDE - 1u);
-    uint index = pyramid_element(0u, at);
-    bool wide = section.w != 0u;
-    uint word = pool_load(section.xy, PYRAMID + (wide ? index : index >> 1u));
-    return int(section.z) + int(wide ? word : word >> 16u * (index & 1u) & 0xFFFFu);
+    return int(section.z) + int(pyramid_code(section.xy, 0u, at, section.w));
 }
 
 // Columns x - 4 to x + 4 of a row, from a byte of three half blocks side by side.
@@ -58,6 +55,7 @@ void main() {
     across = JOB[job].near[3 * j + i];
     int reach = int(DERIVE.bridge), steep = DERIVE.steep;
     uvec2 derived = here.xy;
+    uint west = western_block(half_block, IS_WIDE);
 
     uvec3 south = uvec3(measured(at + ivec2(-1, -1)), measured(at + ivec2(0, -1)), measured(at + ivec2(1, -1)));
     uvec3 middle = uvec3(measured(at + ivec2(-1, 0)), measured(at), measured(at + ivec2(1, 0)));
@@ -121,29 +119,29 @@ void main() {
         // A bridged height may lie outside what this section's code can say: it is held to its range.
         uint code = bridged ? uint(max(height - int(here.z), 1)) : 0u;
         if (!WIDE) code = min(code, 0xFFFFu);
-        uint element = level_0_of(half_block) + k;
-        if (WIDE) pool_store(derived, PYRAMID + element, code);
+        uint first = west + (x >> 2u) * BLOCK_WORDS, inner = in_block(uvec2(column));
+        if (WIDE) pool_store(derived, first + inner, code);
         else {
-            uint word = pool_load(derived, PYRAMID + element / 2u);
-            word = (element & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u;
-            pool_store(derived, PYRAMID + element / 2u, word);
+            uint word = pool_load(derived, first + inner / 2u);
+            word = (inner & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u;
+            pool_store(derived, first + inner / 2u, word);
         }
         uint shows = 0u;
         if (bridged) {
             ivec2 from = column + source;
             uvec4 section = section_of(uint(from.x) > SECTION_SIDE - 1u, uint(from.y) > SECTION_SIDE - 1u);
-            shows = pool_load(section.xy, block_order(uvec2(from) & (SECTION_SIDE - 1u)));
+            shows = shown_of(section.xy, uvec2(from) & (SECTION_SIDE - 1u), section.w);
         }
-        pool_store(derived, half_block * 32u + k, shows);
+        pool_store(derived, first + SHOWN + inner, shows);
     }
 
     uvec2 level_2 = uvec2(0u);
-    uint element = level_0_of(half_block);
     for (uint pair = 0u; pair < 2u; pair++) {
-        level_2 = max(level_2, store_level_1(derived, half_block, pair,
-            load_four(derived, element), load_four(derived, element + 4u),
-            load_four(derived, element + 8u), load_four(derived, element + 12u)));
-        element += 16u;
+        for (uint side = 0u; side < 2u; side++) {
+            uint first = west + side * BLOCK_WORDS, row = pair * 8u;
+            uvec4 south = load_four(derived, first, row), north = load_four(derived, first, row + 4u);
+            level_2[side] = max(level_2[side], store_level_1(derived, first, pair, south, north));
+        }
     }
     store_level_2(derived, half_block, level_2);
 }

@@ -19,7 +19,8 @@ layout(constant_id = 3) const bool RAMPED = true;
 
 // What is seen of `column` of the section in `slot`, whose top is `top` (lattice steps from the anchor).
 Seen seen_at(uint slot, uvec2 column, uint top) {
-    uint shows = pool_load(shown_place(pyramid_place(node_pyramid(slot))), block_order(column));
+    uvec2 pyramid = node_pyramid(slot);
+    uint shows = shown_of(pyramid_place(pyramid), column, pyramid_wide(pyramid));
     Seen seen;
     seen.class_ = shows >> 24u;
     if (RAMPED && frame.color_source != 0u) {
@@ -39,7 +40,7 @@ Seen seen_at(uint slot, uvec2 column, uint top) {
 // Second word of a finished hit record.
 uint bits_of(Seen seen, uint slot, uvec2 column, uint face) {
     uvec2 pyramid = node_pyramid(slot);
-    bool measured = is_measured(pyramid_place(pyramid), pyramid_wide(pyramid), column);
+    bool measured = is_measured(pyramid_place(pyramid), column, pyramid_wide(pyramid));
     return seen.class_ | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << 9u | face << 12u;
 }
 const uint BITS_MISS = 256u;

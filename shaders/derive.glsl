@@ -34,39 +34,38 @@ layout(constant_id = 0) const bool WIDE = false; // codes of the sections take 3
 const uint BLOCKS = 16u;
 const uint COUNTS = BLOCKS + 1024u;
 const uint HEIGHTS = COUNTS + 16384u;
-// Derived: what columns show, then, words from there, the pyramid.
-const uint PYRAMID = 65536u;
-
-// Word of the measured bits of a half block.
-uint measured_word(uint half_block, bool wide) {
-    uint element = (half_block >> 1u) * BLOCK_ELEMENTS + MEASURED;
-    return PYRAMID + (wide ? element : element / 2u) + (half_block & 1u);
+// First word of the western of a half block's two blocks.
+uint western_block(uint half_block, uint wide) {
+    uint block = half_block >> 1u;
+    uint row = (block >> 5u) * 2u + (half_block & 1u);
+    return (row << BLOCKS_LOG2 | (block & 31u) * 2u) * block_words(wide);
 }
 
-// First element of a half block's level 0.
-uint level_0_of(uint half_block) { return (half_block >> 1u) * BLOCK_ELEMENTS + LEVEL_0 + (half_block & 1u) * 32u; }
+const uint IS_WIDE = WIDE ? 1u : 0u;
+const uint BLOCK_WORDS = 32u + 16u * IS_WIDE;
+const uint SHOWN = 16u << IS_WIDE;
 
-// Two codes of the pyramid, from an even element on.
-uvec2 load_two(uvec2 derived, uint element) {
-    if (WIDE) return uvec2(pool_load(derived, PYRAMID + element), pool_load(derived, PYRAMID + element + 1u));
-    uint word = pool_load(derived, PYRAMID + element / 2u);
+// Two codes, from an even one on, counted from word `first`.
+uvec2 load_two(uvec2 derived, uint first, uint code) {
+    if (WIDE) return uvec2(pool_load(derived, first + code), pool_load(derived, first + code + 1u));
+    uint word = pool_load(derived, first + code / 2u);
     return uvec2(word & 0xFFFFu, word >> 16u);
 }
 
-void store_two(uvec2 derived, uint element, uvec2 codes) {
+void store_two(uvec2 derived, uint first, uint code, uvec2 codes) {
     if (WIDE) {
-        pool_store(derived, PYRAMID + element, codes.x);
-        pool_store(derived, PYRAMID + element + 1u, codes.y);
-    } else pool_store(derived, PYRAMID + element / 2u, codes.x | codes.y << 16u);
+        pool_store(derived, first + code, codes.x);
+        pool_store(derived, first + code + 1u, codes.y);
+    } else pool_store(derived, first + code / 2u, codes.x | codes.y << 16u);
 }
 
-uvec4 load_four(uvec2 derived, uint element) {
-    return uvec4(load_two(derived, element), load_two(derived, element + 2u));
+uvec4 load_four(uvec2 derived, uint first, uint code) {
+    return uvec4(load_two(derived, first, code), load_two(derived, first, code + 2u));
 }
 
-void store_four(uvec2 derived, uint element, uvec4 codes) {
-    store_two(derived, element, codes.xy);
-    store_two(derived, element + 2u, codes.zw);
+void store_four(uvec2 derived, uint first, uint code, uvec4 codes) {
+    store_two(derived, first, code, codes.xy);
+    store_two(derived, first, code + 2u, codes.zw);
 }
 
 // A half block, 8x4 columns, is one thread's: it owns whole words of every plane.
@@ -75,14 +74,16 @@ uvec2 half_block_origin(uint half_block) {
     return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * uvec2(8u, 4u);
 }
 
-// Level 1 of two rows of eight codes, stored as row `row`, 0 or 1, of the half block's; gives their part of level 2.
-uvec2 store_level_1(uvec2 derived, uint half_block, uint row, uvec4 south_west, uvec4 south_east, uvec4 north_west, uvec4 north_east) {
-    uvec4 west = max(south_west, north_west), east = max(south_east, north_east);
-    uvec4 nodes = uvec4(max(west.xz, west.yw), max(east.xz, east.yw));
-    store_four(derived, (half_block >> 1u) * BLOCK_ELEMENTS + (half_block & 1u) * 8u + row * 4u, nodes);
-    return max(nodes.xz, nodes.yw);
+// Level 1 of two rows of four codes, stored as row `row`, 0 or 1, of the block's; gives their part of level 2.
+uint store_level_1(uvec2 derived, uint first, uint row, uvec4 south, uvec4 north) {
+    uvec4 columns = max(south, north);
+    uvec2 nodes = max(columns.xz, columns.yw);
+    store_two(derived, first, LEVEL_1 + row * 2u, nodes);
+    return max(nodes.x, nodes.y);
 }
 
+// Level 2 of a half block.
 void store_level_2(uvec2 derived, uint half_block, uvec2 nodes) {
-    store_two(derived, (half_block >> 1u) * BLOCK_ELEMENTS + LEVEL_2 + (half_block & 1u) * 2u, nodes);
+    uvec2 node = half_block_origin(half_block) >> 2u;
+    store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << 6u | node.x), nodes);
 }

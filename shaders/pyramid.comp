@@ -14,24 +14,22 @@ void main() {
     uvec2 derived = JOB[gl_WorkGroupID.x].near[4].xy;
     uint lane = gl_LocalInvocationID.x;
 
+    const uint first = upper_levels(IS_WIDE);
     for (uint k = lane; k < 1024u; k += 256u) {
-        uint block = k * BLOCK_ELEMENTS;
-        uvec4 tops = load_four(derived, block + LEVEL_2);
-        tops.xy = max(tops.xy, tops.zw);
+        uint below = upper_level(2u) + (k >> 5u) * 2u * 64u + (k & 31u) * 2u;
+        uvec2 tops = max(load_two(derived, first, below), load_two(derived, first, below + 64u));
         codes[k] = max(tops.x, tops.y);
-        store_two(derived, block + LEVEL_3, uvec2(codes[k], 0u));
     }
     for (uint level = 3u; level <= 8u; level++) {
         uint side = SECTION_SIDE >> level;
         barrier();
-        uint k = lane * 2u;
-        if (level > 3u && k < side * side)
-            store_two(derived, upper_level(level) + k, uvec2(codes[k], side > 1u ? codes[k + 1u] : 0u));
+        for (uint k = lane * 2u; k < side * side; k += 512u)
+            store_two(derived, first, upper_level(level) + k, uvec2(codes[k], side > 1u ? codes[k + 1u] : 0u));
         uint half_side = side / 2u;
         uint top = 0u;
         // From 16x16 on, a level has no more nodes than there are threads.
         if (lane < half_side * half_side) {
-            k = lane / half_side * 2u * side + lane % half_side * 2u;
+            uint k = lane / half_side * 2u * side + lane % half_side * 2u;
             top = max(max(codes[k], codes[k + 1u]), max(codes[k + side], codes[k + side + 1u]));
         }
         barrier();

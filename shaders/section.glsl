@@ -12,28 +12,26 @@ uint block_order(uvec2 column) {
     return ((block.y << 5u | block.x) << 6u) | inner.y << 3u | inner.x;
 }
 
-// The pyramid's levels 0 to 3 lie block by block, 96 elements for 8x8 columns: level 1 row by row, level 2, level 3,
-// the measured bits (words 12 and 13 of the block, or 24 and 25 where codes are wide), and from element 32 on level 0: a way down to a column reads two cache lines, whichever way it came. Levels 4 to 8
-// follow, row by row.
-const uint BLOCK_ELEMENTS = 96u;
-const uint LEVEL_0 = 32u;
-const uint LEVEL_2 = 16u;
-const uint LEVEL_3 = 20u;
-const uint MEASURED = 24u;
-const uint UPPER_LEVELS = 1024u * BLOCK_ELEMENTS;
+// What is derived of a section: 64x64 blocks of 4x4 columns, row by row, then the pyramid's levels 2 to 8, row by row each.
+// A block is two cache lines: level 0 of the pyramid, level 1, a word of measured bits (in blocks of even index, for
+// themselves and the next, row by row); and what each column shows: class << 24 | red | green << 8 | blue << 16, or in
+// place of the colours intensity | returns << 16. (Where codes are wide: three lines.) So a ray that comes down to a
+// column waits for memory twice, whichever way it came.
+const uint BLOCK_LOG2 = 2u;
+const uint BLOCKS_LOG2 = SECTION_LOG2 - BLOCK_LOG2; // along a side of the section
+const uint LEVEL_1 = 16u; // first code of level 1 in a block
 
-// First element of pyramid level `level`, 4 to 8.
-uint upper_level(uint level) { return UPPER_LEVELS - 0x15400u + (0x15554u & ~((1u << 18u - 2u * level) - 1u)); }
+uint block_words(uint wide) { return 32u + 16u * wide; }
+uint measured_in_block(uint wide) { return 10u << wide; }
+uint shown_in_block(uint wide) { return 16u << wide; }
 
-// Element of `node` of pyramid level `level`.
-uint pyramid_element(uint level, uvec2 node) {
-    bool upper = level > 3u;
-    uint log2_side = (upper ? 8u : 3u) - level;
-    uint first = upper ? upper_level(level) : 0x14100020u >> 8u * level & 0xFFu;
-    // Above the blocks there is only the first.
-    uvec2 block = node >> log2_side, inner = node & (1u << log2_side) - 1u;
-    return first + (block.y << 5u | block.x) * BLOCK_ELEMENTS + (inner.y << log2_side | inner.x);
-}
+// Word of the first code of pyramid level `level`, 2 to 8, and how many codes are before it.
+uint upper_levels(uint wide) { return block_words(wide) << 2u * BLOCKS_LOG2; }
+uint upper_level(uint level) { return (0x15554u & ~((1u << 18u - 2u * level) - 1u)) - 0x14000u; }
+
+// The block that a column is in, and the column in it.
+uint block_of(uvec2 column) { return (column.y >> BLOCK_LOG2) << BLOCKS_LOG2 | column.x >> BLOCK_LOG2; }
+uint in_block(uvec2 column) { return (column.y & 3u) << BLOCK_LOG2 | column.x & 3u; }
 
 // Code `index` of an array of 16-bit (or, if wide, 32-bit) codes that starts at word `start`.
 uint load_code(uvec2 place, uint start, uint index, bool wide) {
@@ -46,19 +44,25 @@ uint load_code(uvec2 place, uint start, uint index, bool wide) {
 uvec2 pyramid_place(uvec2 marked) { return uvec2(marked.x, marked.y & 0x7FFFFFFFu); }
 uint pyramid_wide(uvec2 marked) { return marked.y >> 31u; }
 
-// Code `index` of a pyramid: two a word, or one.
-uint pyramid_code(uvec2 place, uint index, uint wide) {
-    uint word = pool_load(place, index >> 1u - wide);
-    return wide != 0u ? word : word >> (index & 1u) * 16u & 0xFFFFu;
+// Code of `node` of pyramid level `level`: two a word, or one where they are wide.
+uint pyramid_code(uvec2 place, uint level, uvec2 node, uint wide) {
+    bool upper = level > 1u;
+    uint log2_side = (upper ? SECTION_LOG2 : BLOCK_LOG2) - level;
+    // Above the blocks there is only the first.
+    uvec2 block = node >> log2_side, inner = node & (1u << log2_side) - 1u;
+    uint code = (upper ? upper_level(level) : level * LEVEL_1) + (inner.y << log2_side | inner.x);
+    uint first = upper ? upper_levels(wide) : (block.y << BLOCKS_LOG2 | block.x) * block_words(wide);
+    uint word = pool_load(place, first + (code >> 1u - wide));
+    return wide != 0u ? word : word >> (code & 1u) * 16u & 0xFFFFu;
 }
 
-// The plane of what columns show lies before the pyramid: class << 24 | red | green << 8 | blue << 16, or in place of
-// the colours intensity | returns << 16; block order. A bridged column shows what it was taken from shows.
-uvec2 shown_place(uvec2 pyramid) { return pool_back(pyramid, SECTION_SIDE * SECTION_SIDE); }
+// What `column` shows.
+uint shown_of(uvec2 place, uvec2 column, uint wide) {
+    return pool_load(place, block_of(column) * block_words(wide) + shown_in_block(wide) + in_block(column));
+}
 
 // Whether the top of a column is measured, not bridged.
-bool is_measured(uvec2 pyramid, uint wide, uvec2 column) {
-    uint ordered = block_order(column);
-    uint bits = pool_load(pyramid, ((ordered >> 6u) * BLOCK_ELEMENTS + MEASURED >> 1u - wide) + (ordered >> 5u & 1u));
-    return (bits >> (ordered & 31u) & 1u) != 0u;
+bool is_measured(uvec2 place, uvec2 column, uint wide) {
+    uint bits = pool_load(place, (block_of(column) & ~1u) * block_words(wide) + measured_in_block(wide));
+    return (bits >> ((column.y & 3u) << 3u | column.x & 7u) & 1u) != 0u;
 }

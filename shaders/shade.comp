@@ -31,8 +31,7 @@ bool top_at(inout Here here, ivec2 column, out float top) {
     go_to(here, column);
     if (here.slot == NO_NODE) return false;
     uvec2 pyramid = node_pyramid(here.slot);
-    uint element = pyramid_element(0u, uvec2(column) & (SECTION_SIDE - 1u));
-    uint code = pyramid_code(pyramid_place(pyramid), element, pyramid_wide(pyramid));
+    uint code = pyramid_code(pyramid_place(pyramid), 0u, uvec2(column) & (SECTION_SIDE - 1u), pyramid_wide(pyramid));
     top = float(node_base(here.slot) + int(code));
     return code != 0u;
 }

@@ -13,7 +13,7 @@ layout(constant_id = 1) const bool ALL = false;    // every run of the sections 
 layout(constant_id = 2) const bool BRIDGE = false; // bridge.comp follows
 
 uvec2 place, derived;
-uint attributes, run, index;
+uint attributes, run, next;
 bool values;
 uint measured = 0u;
 uvec4 visible_low, visible_high;
@@ -52,11 +52,13 @@ uint next_column(uint count) {
         shows |= values ? first >> 8u & 0xFFFFu | (second >> 8u & 0xFFu) << 16u
                         : first & 0xFFu | second >> 24u << 8u | second & 0xFF0000u;
     }
-    pool_store(derived, index++, shows);
+    pool_store(derived, next++, shows);
     return code;
 }
 
-uvec4 next_four(uint word) {
+// The same for four columns, whose first has its word at `at`.
+uvec4 next_four(uint word, uint at) {
+    next = at;
     uint counts = pool_load(place, COUNTS + word);
     uvec4 codes;
     codes.x = next_column(counts & 0xFFu);
@@ -93,21 +95,24 @@ void main() {
         run += (pairs & 0xFFFFu) + (pairs >> 16u);
     }
 
-    index = half_block * 32u;
+    uint west = western_block(half_block, IS_WIDE), east = west + BLOCK_WORDS;
     uvec2 level_2 = uvec2(0u);
-    uint word = half_block * 8u, element = level_0_of(half_block);
+    uint word = half_block * 8u;
     for (uint pair = 0u; pair < 2u; pair++) {
-        uvec4 south_west = next_four(word), south_east = next_four(word + 1u);
-        store_four(derived, element, south_west);
-        store_four(derived, element + 4u, south_east);
-        uvec4 north_west = next_four(word + 2u), north_east = next_four(word + 3u);
-        store_four(derived, element + 8u, north_west);
-        store_four(derived, element + 12u, north_east);
-        if (!BRIDGE)
-            level_2 = max(level_2, store_level_1(derived, half_block, pair, south_west, south_east, north_west, north_east));
+        uint row = pair * 8u;
+        uvec4 south_west = next_four(word, west + SHOWN + row), south_east = next_four(word + 1u, east + SHOWN + row);
+        store_four(derived, west, row, south_west);
+        store_four(derived, east, row, south_east);
+        row += 4u;
+        uvec4 north_west = next_four(word + 2u, west + SHOWN + row), north_east = next_four(word + 3u, east + SHOWN + row);
+        store_four(derived, west, row, north_west);
+        store_four(derived, east, row, north_east);
+        if (!BRIDGE) {
+            level_2.x = max(level_2.x, store_level_1(derived, west, pair, south_west, north_west));
+            level_2.y = max(level_2.y, store_level_1(derived, east, pair, south_east, north_east));
+        }
         word += 4u;
-        element += 16u;
     }
-    pool_store(derived, measured_word(half_block, WIDE), measured);
+    pool_store(derived, west + measured_in_block(IS_WIDE), measured);
     if (!BRIDGE) store_level_2(derived, half_block, level_2);
 }

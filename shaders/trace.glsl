@@ -152,7 +152,7 @@ Hit trace(Ray ray, float start, int level) {
             t_exit = max(east ? ts.x : ts.y, t);
             uint l = uint(level - finest), side = SECTION_SIDE >> l;
             uvec2 inner = uvec2(node ^ flip) & (side - 1u);
-            uint code = pyramid_code(pyramid, pyramid_element(l, inner), wide);
+            uint code = pyramid_code(pyramid, l, inner, wide);
             int highest = base + int(code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
             if (down && level == finest) {

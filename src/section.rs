@@ -475,13 +475,6 @@ pub const KIND_COLUMNS: u32 = 1;
 /// Words of a payload's header; `shaders/section.glsl` has the same list.
 pub const HEADER_WORDS: u32 = 16;
 
-/// Elements of a pyramid in each of the 1,024 blocks: levels 1 (from 0 on, row by row), 2 (from 16), 3 (20) and 0 (32),
-/// so that a ray's way down to a column reads two cache lines. From word 12 of a block (24 where codes are wide) on lie
-/// two words of measured bits.
-pub const BLOCK_ELEMENTS: u32 = 96;
-/// Elements of a section's pyramid: the blocks, then levels 4 to 8, row by row.
-pub const PYRAMID_ELEMENTS: u32 = SECTION_BLOCKS as u32 * BLOCK_ELEMENTS + 342;
-
 /// Where each part of what is uploaded of a section starts, in words from its start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -501,9 +494,45 @@ pub struct Layout {
     pub words: u32,
 }
 
-/// Derived on the device, in a place of its own: class and colour (or values) of what each column shows, one word, in
-/// block order; then, from this word on, the maximum pyramid, 16 or 32 bits an element, and which columns are measured.
-pub const DERIVED_PYRAMID: u32 = SECTION_COLUMNS as u32;
+/// Where what is derived of a section lies, in a place of its own: 64×64 blocks of 4×4 columns, row by row, then levels
+/// 2 to 8 of the maximum pyramid, row by row each; 16 or 32 bits a code. `shaders/section.glsl` has the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Derived {
+    /// Codes take 32 bits.
+    pub wide: bool,
+}
+
+impl Derived {
+    /// Blocks on a side.
+    pub const SIDE: u32 = SECTION_SIDE / 4;
+
+    /// Words of a block: its level 0 of the pyramid, row by row, from word 0 on; level 1 behind it.
+    pub fn block_words(self) -> u32 {
+        if self.wide { 48 } else { 32 }
+    }
+
+    /// In blocks of even index: which columns of this and the next are measured, a bit each, row by row over both.
+    pub fn measured(self) -> u32 {
+        if self.wide { 20 } else { 10 }
+    }
+
+    /// What each column of the block shows: class, and colour or values, a word each, row by row.
+    pub fn shown(self) -> u32 {
+        if self.wide { 32 } else { 16 }
+    }
+
+    /// First word of the pyramid's levels from 2 on.
+    pub fn upper_levels(self) -> u32 {
+        self.block_words() * Self::SIDE * Self::SIDE
+    }
+
+    /// All bytes.
+    pub fn bytes(self) -> u64 {
+        // Codes of levels 2 to 8, and one to make them even.
+        const UPPER: u64 = 5462;
+        4 * u64::from(self.upper_levels()) + UPPER * if self.wide { 4 } else { 2 }
+    }
+}
 
 impl Layout {
     fn new(runs: u32, code: HeightCode) -> Layout {
@@ -532,7 +561,7 @@ impl Layout {
 
     /// Bytes that are derived from them.
     pub fn derived_bytes(&self) -> u64 {
-        4 * u64::from(DERIVED_PYRAMID) + u64::from(PYRAMID_ELEMENTS) * if self.code.wide { 4 } else { 2 }
+        Derived { wide: self.code.wide }.bytes()
     }
 }
 

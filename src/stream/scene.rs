@@ -12,7 +12,7 @@ use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
     SyncPoint, Timestamps, UploadRing, shaders,
 };
-use crate::section::{DERIVED_PYRAMID, HighestOf, Layout, Packed, SECTION_BLOCKS};
+use crate::section::{HighestOf, Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -741,7 +741,7 @@ impl Scene {
                     _ => around(*key).iter().filter_map(highest).max()?,
                 };
                 let layout = &version.layout;
-                let pyramid = self.pool.place_to_read(&version.slots.derived, DERIVED_PYRAMID);
+                let pyramid = self.pool.place_to_read(&version.slots.derived, 0);
                 Some(Entry { key: *key, pyramid, code: layout.code, top })
             })
             .collect();

@@ -5,7 +5,7 @@ use glam::{IVec2, ivec2};
 use lasray::attribute::{Attributes, ClassMask, Record};
 use lasray::coords::{HEIGHT_STEPS_PER_UNIT, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
-use lasray::section::{BLOCK_ELEMENTS, Columns, DERIVED_PYRAMID, Packed, column_index};
+use lasray::section::{Columns, Derived, Packed, column_index};
 use lasray::source::FLAG_WITHHELD;
 use lasray::stream::pool::Access;
 use lasray::stream::scene::{Carried, Scene, Visibility};
@@ -113,48 +113,40 @@ fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility
     let mut bridged = 0;
     for (key, _) in sections {
         let (layout, [_, words]) = scene.read(*key).unwrap().expect("live");
-        let element = |k: usize| match layout.code.wide {
-            true => words[DERIVED_PYRAMID as usize + k],
-            false => words[DERIVED_PYRAMID as usize + k / 2] >> (16 * (k % 2)) & 0xFFFF,
+        let derived = Derived { wide: layout.code.wide };
+        let code = |first: u32, k: usize| match derived.wide {
+            true => words[first as usize + k],
+            false => words[first as usize + k / 2] >> (16 * (k % 2)) & 0xFFFF,
         };
+        let block = |x: u32, y: u32| (y / 4 * Derived::SIDE + x / 4) * derived.block_words();
         let mut level = vec![0; SECTION_COLUMNS];
         for (x, y) in (0..SECTION_SIDE).flat_map(|y| (0..SECTION_SIDE).map(move |x| (x, y))) {
             let at = ivec2(key.i * SIDE + x as i32, key.j * SIDE + y as i32);
             let top = all.get(&at.into());
-            let column = usize::from(column_index(x, y));
             let what = format!("{shown:?}, {key:?}, column {x}, {y}");
-            let bits = (column / 64 * BLOCK_ELEMENTS as usize + 24) >> u32::from(!layout.code.wide);
-            let bits = words[DERIVED_PYRAMID as usize + bits + column / 32 % 2];
-            assert_eq!(bits >> (column % 32) & 1 != 0, top.is_some(), "measured: {what}");
+            let bits = words[(block(x & !7, y) + derived.measured()) as usize] >> (y % 4 * 8 + x % 8);
+            assert_eq!(bits & 1 != 0, top.is_some(), "measured: {what}");
             let bridge = if top.is_none() { bridge(&all, at, shown.bridge as i32) } else { None };
             let source = top.or_else(|| bridge.map(|(_, s)| &all[&(at + s).into()]));
-            assert_eq!(words[column], source.map_or(0, |t| t.0), "shown: {what}");
+            let shows = words[(block(x, y) + derived.shown() + y % 4 * 4 + x % 4) as usize];
+            assert_eq!(shows, source.map_or(0, |t| t.0), "shown: {what}");
             bridged += usize::from(bridge.is_some());
             let most = if layout.code.wide { i32::MAX } else { 0xFFFF };
-            let code = |height: i32| (height - layout.code.base).clamp(1, most) as u32;
-            level[(y * SECTION_SIDE + x) as usize] = top.map(|t| t.1).or(bridge.map(|b| b.0)).map_or(0, code);
+            let encode = |height: i32| (height - layout.code.base).clamp(1, most) as u32;
+            level[(y * SECTION_SIDE + x) as usize] =
+                top.map(|t| t.1).or(bridge.map(|b| b.0)).map_or(0, encode);
         }
         let mut side = SECTION_SIDE as usize;
         loop {
-            // Levels 1, 2, 3 and 0 of a block of 8x8 columns lie together, the others behind all blocks.
-            let place = |k: usize| {
-                let (x, y) = (k % side, k / side);
-                let within = side / 32;
+            let node = |k: usize| {
+                let (x, y) = ((k % side) as u32, (k / side) as u32);
                 match side {
-                    32.. => {
-                        let first = match side {
-                            256 => 32,
-                            128 => 0,
-                            64 => 16,
-                            _ => 20,
-                        };
-                        let block = y / within * 32 + x / within;
-                        block * BLOCK_ELEMENTS as usize + first + y % within * within + x % within
-                    }
-                    _ => 1024 * BLOCK_ELEMENTS as usize + (1024 - 4 * side * side) / 3 + k,
+                    256 => code(block(x, y), (y % 4 * 4 + x % 4) as usize),
+                    128 => code(block(2 * x, 2 * y), (16 + y % 2 * 2 + x % 2) as usize),
+                    _ => code(derived.upper_levels(), (0x4000 - 4 * side * side) / 3 + k),
                 }
             };
-            let wrong = (0..side * side).find(|&k| element(place(k)) != level[k]);
+            let wrong = (0..side * side).find(|&k| node(k) != level[k]);
             assert_eq!(wrong, None, "{shown:?}, {key:?}, nodes of {} columns", SECTION_SIDE as usize / side);
             if side == 1 {
                 break;
