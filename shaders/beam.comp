@@ -66,10 +66,10 @@ void main() {
     vec4 ox, oy, oz, dx, dy, dz;
     ivec3 from;
     for (int corner = 0; corner < 4; corner++) {
-        uvec2 at = ((tile + uvec2(corner & 1, corner >> 1)) * SIDE + uvec2(0u, push.first_row)) * 16u;
+        ivec2 steps = from_middle((tile + uvec2(corner & 1, corner >> 1)) * SIDE);
         ivec3 cell;
         vec3 fraction, direction;
-        origin_at(at, cell, fraction, direction);
+        origin_at(frame.origin_int, frame.origin_fraction, steps, steps * 16 - odd_half(), cell, fraction, direction);
         if (corner == 0) from = cell;
         vec3 origin = vec3(cell - from) + fraction;
         direction *= frame.to_local;

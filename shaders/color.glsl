@@ -8,40 +8,34 @@ vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055,
 
 vec3 bytes(uint packed_bytes) { return vec3(packed_bytes & 0xFFu, packed_bytes >> 8u & 0xFFu, packed_bytes >> 16u & 0xFFu) / 255.0; }
 
-// What is seen of a column.
-struct Seen {
-    vec3 srgb;
-    uint class_;
-};
-
 // Whether colours are not RGB: a constant of the program, so that it does only what it must.
 layout(constant_id = 3) const bool RAMPED = true;
 
-// What is seen of `column` of the section in `slot`, whose top is `top` (lattice steps from the anchor).
-Seen seen_at(uint slot, uvec2 column, uint top) {
+// What a column shows (see section.glsl).
+uint shown_at(uint slot, uvec2 column) {
     uvec2 pyramid = node_pyramid(slot);
-    uint shows = shown_of(pyramid_place(pyramid), column, pyramid_wide(pyramid));
-    Seen seen;
-    seen.class_ = shows >> 24u;
-    if (RAMPED && frame.color_source != 0u) {
-        uint value = frame.color_source == 1u ? (top + uint(frame.height_anchor)) ^ 0x80000000u
-                   : frame.color_source == 2u ? shows >> 24u
-                   : frame.color_source == 3u ? shows & 0xFFFFu
-                                              : shows >> 16u & 0xFFu;
-        float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, 255.0) : 0.0;
-        uint entry = uint(at_entry);
-        seen.srgb = mix(RAMP[entry].rgb, RAMP[min(entry + 1u, 255u)].rgb, at_entry - float(entry));
-    } else {
-        seen.srgb = bytes(shows);
-    }
-    return seen;
+    return shown_of(pyramid_place(pyramid), column, pyramid_wide(pyramid));
+}
+
+uint class_of(uint shows) { return shows >> 24u; }
+
+// Its colour, sRGB; `top` is the column's, lattice steps from the anchor.
+vec3 srgb_of(uint shows, uint top) {
+    if (!RAMPED || frame.color_source == 0u) return bytes(shows);
+    uint value = frame.color_source == 1u ? (top + uint(frame.height_anchor)) ^ 0x80000000u
+               : frame.color_source == 2u ? class_of(shows)
+               : frame.color_source == 3u ? shows & 0xFFFFu
+                                          : shows >> 16u & 0xFFu;
+    float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, 255.0) : 0.0;
+    int entry = int(at_entry);
+    return mix(RAMP[entry].rgb, RAMP[min(entry + 1, 255)].rgb, at_entry - float(entry));
 }
 
 // Second word of a finished hit record.
-uint bits_of(Seen seen, uint slot, uvec2 column, uint face) {
+uint bits_of(uint shows, uint slot, uvec2 column, uint face) {
     uvec2 pyramid = node_pyramid(slot);
     bool measured = is_measured(pyramid_place(pyramid), column, pyramid_wide(pyramid));
-    return seen.class_ | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << 9u | face << 12u;
+    return class_of(shows) | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << 9u | face << 12u;
 }
 const uint BITS_MISS = 256u;
 

@@ -15,22 +15,20 @@ void main() {
     uvec2 pixel = dealt(gl_WorkGroupSize);
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     uint at = pixel.y * frame.width + pixel.x;
-    Ray ray = ray_at(sample_of(pixel));
+    Ray ray = ray_of(pixel);
     Hit hit = trace_pixel(pixel, ray);
 
-    uint bits = BITS_MISS;
-    vec4 color;
-    if (hit.slot != NO_NODE) {
-        Seen seen = seen_at(hit.slot, hit.column, uint(hit.top));
-        color = vec4(seen.srgb, 1.0);
-        bits = SCREEN ? seen.class_ : bits_of(seen, hit.slot, hit.column, hit.face);
-    }
+    bool miss = hit.slot == NO_NODE;
+    uint shows = miss ? 0u : shown_at(hit.slot, hit.column);
     if (SCREEN) {
-        if (bits == BITS_MISS) color = vec4(vec3(frame.background == 1u ? 1.0 : frame.background == 2u ? 0.8 : 0.0), frame.background == 0u ? 0.0 : 1.0);
-        SCREEN_IMAGE[at] = packUnorm4x8(color);
+        // Signed numbers, which CPUs convert eight at once.
+        ivec3 color = RAMPED ? ivec3(srgb_of(shows, uint(hit.top)) * 255.0 + 0.5) : ivec3(0);
+        uint rgb = RAMPED ? uint(color.r | color.g << 8 | color.b << 16) : shows & 0xFFFFFFu;
+        uint behind = frame.background == 0u ? 0u : frame.background == 1u ? 0xFFFFFFFFu : 0xFFCCCCCCu;
+        SCREEN_IMAGE[at] = miss ? behind : 0xFF000000u | rgb;
     } else {
-        color = bits == BITS_MISS ? background(ray.world) : vec4(linear_of(color.rgb), 1.0);
-        vec4 sum = color * push.sample_weight;
+        uint bits = miss ? BITS_MISS : bits_of(shows, hit.slot, hit.column, hit.face);
+        vec4 sum = (miss ? background(ray.world) : vec4(linear_of(srgb_of(shows, uint(hit.top))), 1.0)) * push.sample_weight;
         if (push.sample_index > 0u) sum += COLOR[at];
         COLOR[at] = sum;
         HIT[at] = uvec4(floatBitsToUint(hit.t), bits, min(hit.steps, 8191u), uint(hit.top));

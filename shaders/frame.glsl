@@ -16,11 +16,11 @@ struct Frame {
     int section_level; // and of its largest sections
     ivec2 low, high;  // what they cover, cells; high is exclusive
     uint width, height;
-    ivec3 origin_int; // origin at the image's centre: cells east, cells north, lattice steps up
+    ivec3 origin_int; // origin at the top left corner of the image's middle pixel: cells east, cells north, lattice steps up
     uvec3 origin_fraction;
-    ivec3 right_int; // per sixteenth of a pixel to the right
+    ivec3 right_int; // per pixel to the right
     uvec3 right_fraction;
-    ivec3 down_int; // per sixteenth of a pixel down
+    ivec3 down_int; // per pixel down
     uvec3 down_fraction;
     float depth;   // of the plane that origins lie on
     vec3 forward;  // direction through the image's centre, display space
@@ -89,6 +89,8 @@ layout(push_constant, scalar) uniform Push {
     uint sample_index;
     float sample_weight; // 1 / samples
     uint first_row, rows; // the band of the picture that the hit records and colours are of
+    ivec3 origin_int;     // origin at the sample of the image's middle pixel
+    uvec3 origin_fraction;
 } push;
 
 #ifdef POOL_TEXELS
@@ -147,14 +149,6 @@ struct Ray {
     float unit;    // length of the direction: t of one unit of depth
 };
 
-// `integer:fraction` times n, 32.32 two's complement.
-void scaled(int integer, uint fraction, int n, out int result_int, out uint result_fraction) {
-    uint high;
-    umulExtended(fraction, uint(n), high, result_fraction);
-    // uint(n) is 2^32 too much for a negative n.
-    result_int = int(uint(integer) * uint(n) + high - (n < 0 ? fraction : 0u));
-}
-
 void add(inout int integer, inout uint fraction, int other_int, uint other_fraction) {
     uint carry;
     fraction = uaddCarry(fraction, other_fraction, carry);
@@ -172,20 +166,21 @@ uvec2 dealt(uvec3 group) {
 // Pixels of the side of a beam's tile.
 const uint TILE = 8u;
 
-// Origin and direction of the ray through the point `at` of the image, sixteenths of a pixel from the top left corner:
-// whole cells and what is left of them; direction in display space, 1 unit of depth long along the view.
-void origin_at(uvec2 at, out ivec3 cell, out vec3 rest, out vec3 direction) {
-    // From the centre: what is symmetrical stays so, and a ray straight ahead is the camera's very own.
-    ivec2 from_centre = ivec2(at) - 8 * ivec2(frame.width, frame.height);
+// Adds n steps of `step_int:step_fraction`; |n| < 2^15.
+void step_on(inout int integer, inout uint fraction, int step_int, uint step_fraction, int n) {
+    int low = int(step_fraction & 0xFFFFu) * n, high = int(step_fraction >> 16u) * n;
+    add(integer, fraction, step_int * n + (high + (low >> 16) >> 16), (uint(high) << 16u) + uint(low));
+}
+
+// Origin and direction of the ray `steps` pixels from the one whose origin is `first_int:first_fraction`: whole cells and
+// what is left of them; direction in display space, 1 unit of depth long along the view. `from_centre`: sixteenths of a
+// pixel from the image's centre.
+void origin_at(ivec3 first_int, uvec3 first_fraction, ivec2 steps, ivec2 from_centre, out ivec3 cell, out vec3 rest, out vec3 direction) {
     for (int axis = 0; axis < 3; axis++) {
-        int integer = frame.origin_int[axis];
-        uint fraction = frame.origin_fraction[axis];
-        int part_int;
-        uint part_fraction;
-        scaled(frame.right_int[axis], frame.right_fraction[axis], from_centre.x, part_int, part_fraction);
-        add(integer, fraction, part_int, part_fraction);
-        scaled(frame.down_int[axis], frame.down_fraction[axis], from_centre.y, part_int, part_fraction);
-        add(integer, fraction, part_int, part_fraction);
+        int integer = first_int[axis];
+        uint fraction = first_fraction[axis];
+        step_on(integer, fraction, frame.right_int[axis], frame.right_fraction[axis], steps.x);
+        step_on(integer, fraction, frame.down_int[axis], frame.down_fraction[axis], steps.y);
         // To 24 bits, which a float holds; to even, so that what is symmetrical stays so.
         add(integer, fraction, 0, 127u + (fraction >> 8u & 1u));
         cell[axis] = integer;
@@ -194,11 +189,17 @@ void origin_at(uvec2 at, out ivec3 cell, out vec3 rest, out vec3 direction) {
     direction = frame.forward + float(from_centre.x) * frame.right + float(from_centre.y) * frame.down;
 }
 
-// The ray through that point.
-Ray ray_at(uvec2 at) {
+// Pixels from the image's middle one, and sixteenths of a pixel from its centre on.
+ivec2 from_middle(uvec2 pixel) { return ivec2(pixel + uvec2(0u, push.first_row)) - ivec2(frame.width, frame.height) / 2; }
+ivec2 odd_half() { return ivec2(frame.width & 1u, frame.height & 1u) * 8; }
+
+// The ray of this pass's sample of a pixel.
+Ray ray_of(uvec2 pixel) {
     Ray ray;
     vec3 direction;
-    origin_at(at, ray.cell, ray.fraction, direction);
+    // From the centre: what is symmetrical stays so, and a ray straight ahead is the camera's very own.
+    ivec2 steps = from_middle(pixel);
+    origin_at(push.origin_int, push.origin_fraction, steps, steps * 16 + push.sample_at - odd_half(), ray.cell, ray.fraction, direction);
     float unit = length(direction);
     ray.world = direction / unit;
     ray.step = ray.world * frame.to_local;
@@ -207,5 +208,3 @@ Ray ray_at(uvec2 at) {
     return ray;
 }
 
-// This pass's sample of a pixel of the band, sixteenths from the picture's top left corner.
-uvec2 sample_of(uvec2 pixel) { return (pixel + uvec2(0u, push.first_row)) * 16u + uvec2(push.sample_at); }

@@ -41,5 +41,5 @@ uvec4 plain_hit(float t, PlainNode node, ivec2 cell, uint face) {
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
-    HIT[pixel.y * frame.width + pixel.x] = trace(ray_at(sample_of(pixel)));
+    HIT[pixel.y * frame.width + pixel.x] = trace(ray_of(pixel));
 }

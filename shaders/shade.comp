@@ -84,7 +84,7 @@ void main() {
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     uint at = pixel.y * frame.width + pixel.x;
     uvec4 hit = HIT[at];
-    Ray ray = ray_at(sample_of(pixel));
+    Ray ray = ray_of(pixel);
 
     // Columns are solid without end: below the floor a lit picture shows what is behind their sides.
     float z = fma(uintBitsToFloat(hit.x), ray.step.z, float(ray.cell.z) + ray.fraction.z);
@@ -103,11 +103,11 @@ void main() {
         Here here = Here(index_of(hit.y), hit.y, meta & 0xFFu);
         ivec2 column = index_of(hit.y) * int(SECTION_SIDE) + ivec2(inner);
 
-        Seen seen = seen_at(hit.y, inner, hit.w);
+        uint shows = shown_at(hit.y, inner);
         float top = float(int(hit.w));
-        vec3 albedo = linear_of(seen.srgb);
+        vec3 albedo = linear_of(srgb_of(shows, hit.w));
         color = vec4(albedo, 1.0);
-        bits = bits_of(seen, hit.y, inner, face);
+        bits = bits_of(shows, hit.y, inner, face);
 
         if (frame.shade == 1u) {
             float cell_steps = frame.cell_steps * float(1 << detail);

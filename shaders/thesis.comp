@@ -52,7 +52,7 @@ void main() {
     heights = frame.table;
     window_low = frame.low;
     side_log2 = frame.table_mask;
-    uvec4 hit = trace(ray_at(sample_of(pixel)));
+    uvec4 hit = trace(ray_of(pixel));
     uint at = pixel.y * frame.width + pixel.x;
     uint rgba = 0u;
     if (hit.y != NO_NODE) rgba = ColorMap(frame.ramp).rgba[hit.y];

@@ -52,7 +52,8 @@ Hit trace(Ray ray, float start, int level) {
     walk.inverse = mix(abs(1.0 / ray.step.xy), vec2(STILL), still);
     walk.origin = ray.cell.xy ^ -walk.mirror;
     walk.fraction = mix(ray.fraction.xy, 1.0 - ray.fraction.xy, equal(walk.mirror, ivec2(1)));
-    // Where a ray runs along an axis it stays in its cell, on a border or not.
+    // Where a ray runs along an axis it stays in its cell, on a border or not: it was always, or is never, between two
+    // others.
     walk.fraction = mix(walk.fraction, vec2(0.5), still);
     walk.z0 = float(ray.cell.z) + ray.fraction.z;
     walk.dz = ray.step.z;
@@ -61,10 +62,6 @@ Hit trace(Ray ray, float start, int level) {
 
     // On to the border of what there is.
     vec2 enter = t_at(walk, low), leave = t_at(walk, high);
-    // A ray that runs along an axis is always or never between its borders.
-    bvec2 within = bvec2(walk.origin.x >= low.x && walk.origin.x < high.x, walk.origin.y >= low.y && walk.origin.y < high.y);
-    enter = mix(enter, mix(vec2(STILL), vec2(-STILL), within), still);
-    leave = mix(leave, mix(vec2(-STILL), vec2(STILL), within), still);
     float t = start;
     uint face = start == ray.start ? FACE_INSIDE : FACE_TOP;
     // A ray that stands over one cell leaves it beyond everything.

@@ -302,7 +302,7 @@ impl Thesis {
         }
         let kernel = &self.trace[usize::from(read)];
         commands.bind(kernel);
-        commands.push(bytemuck::bytes_of(&Push::whole(self.size)));
+        commands.push(bytemuck::bytes_of(&Push::whole(&constants)));
         commands.bind_buffers(&kernel.binding(&[&self.constants])?);
         commands.dispatch([self.size[0].div_ceil(self.group[0]), self.size[1].div_ceil(self.group[1]), 1]);
         if let Some(clock) = clock {

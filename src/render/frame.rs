@@ -165,9 +165,14 @@ impl FrameConstants {
         // Divided as cell indices are: a border is a whole number.
         let eye = through.eye / DVec3::new(cell, cell, 1.0 / HEIGHT_STEPS_PER_UNIT) - anchor;
         let from_eye = through.o0 * per_unit;
-        let (origin_int, origin_fraction) = fixed3(eye, from_eye);
-        let (right_int, right_fraction) = fixed3(through.ox / 16.0 * per_unit, DVec3::ZERO);
-        let (down_int, down_fraction) = fixed3(through.oy / 16.0 * per_unit, DVec3::ZERO);
+        // Per sixteenth of a pixel, of which samples and the centre of an odd size are whole numbers.
+        let [right, down] = [through.ox, through.oy].map(|step| fixed3(step / 16.0 * per_unit));
+        let odd_half = view.size.map(|pixels| -8 * i64::from(pixels & 1));
+        let origin = added(fixed3(eye), fixed3(from_eye), 1);
+        let origin = added(added(origin, right, odd_half[0]), down, odd_half[1]);
+        let (origin_int, origin_fraction) = parts(origin);
+        let (right_int, right_fraction) = parts(right.map(|step| step.wrapping_mul(16)));
+        let (down_int, down_fraction) = parts(down.map(|step| step.wrapping_mul(16)));
         // From the north-west, 45° high, as on maps.
         let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
         FrameConstants {
@@ -239,6 +244,8 @@ pub(crate) struct Push {
     sample_weight: f32,
     first_row: u32,
     rows: u32,
+    origin_int: [i32; 3],
+    origin_fraction: [u32; 3],
 }
 
 /// Mirrors a hit record after shading.
@@ -255,9 +262,24 @@ struct Hit {
 }
 
 impl Push {
-    /// One sample of every pixel of a picture of `size`, in its centre.
-    pub(crate) fn whole(size: [u32; 2]) -> Push {
-        Push { sample_at: sample_at(0, 1), sample_index: 0, sample_weight: 1.0, first_row: 0, rows: size[1] }
+    /// One sample of every pixel of `rows` rows from `first_row` on, under `constants`.
+    fn new(constants: &FrameConstants, [sample, samples]: [u32; 2], [first_row, rows]: [u32; 2]) -> Push {
+        let sample_at = sample_at(sample, samples);
+        let [origin, right, down] = [
+            joined(constants.origin_int, constants.origin_fraction),
+            joined(constants.right_int, constants.right_fraction),
+            joined(constants.down_int, constants.down_fraction),
+        ];
+        let sixteenth = |step: [i64; 3]| step.map(|bits| bits >> 4);
+        let origin = added(origin, sixteenth(right), sample_at[0].into());
+        let (origin_int, origin_fraction) = parts(added(origin, sixteenth(down), sample_at[1].into()));
+        let sample_weight = 1.0 / samples as f32;
+        Push { sample_at, sample_index: sample, sample_weight, first_row, rows, origin_int, origin_fraction }
+    }
+
+    /// One sample of every pixel, in its centre.
+    pub(crate) fn whole(constants: &FrameConstants) -> Push {
+        Push::new(constants, [0, 1], [0, constants.height])
     }
 }
 
@@ -375,11 +397,22 @@ fn fixed(value: f64) -> i64 {
     (value * 4_294_967_296.0).round().clamp(-4.6e18, 4.6e18) as i64
 }
 
-/// Whole parts and fractions of `a + b`.
-fn fixed3(a: DVec3, b: DVec3) -> ([i32; 3], [u32; 3]) {
-    let (a, b) = (a.to_array(), b.to_array());
-    let sum = std::array::from_fn::<i64, 3, _>(|axis| fixed(a[axis]) + fixed(b[axis]));
-    (sum.map(|bits| (bits >> 32) as i32), sum.map(|bits| bits as u32))
+fn fixed3(v: DVec3) -> [i64; 3] {
+    v.to_array().map(fixed)
+}
+
+/// `a + n · b`.
+fn added(a: [i64; 3], b: [i64; 3], n: i64) -> [i64; 3] {
+    std::array::from_fn(|axis| a[axis].wrapping_add(b[axis].wrapping_mul(n)))
+}
+
+/// Whole parts and fractions.
+fn parts(fixed: [i64; 3]) -> ([i32; 3], [u32; 3]) {
+    (fixed.map(|bits| (bits >> 32) as i32), fixed.map(|bits| bits as u32))
+}
+
+fn joined(int: [i32; 3], fraction: [u32; 3]) -> [i64; 3] {
+    std::array::from_fn(|axis| i64::from(int[axis]) << 32 | i64::from(fraction[axis]))
 }
 
 /// Rays that one submit traces: large pictures go in bands of rows, one sample of a pixel at a time, so that no
@@ -388,11 +421,17 @@ const SUBMIT_RAYS: u64 = 1 << 21;
 /// Most pixels of a picture: 32 bytes each in host memory.
 const MOST_PIXELS: u64 = 1 << 27;
 
+/// And of its sides: rays count pixels from the middle in 16 bits.
+const MOST_SIDE: u32 = 65_534;
+
 /// An error where a picture of `size` cannot be drawn.
 pub fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), FrameError> {
     let limits = gpu.limits();
     let too_large = |limit| FrameError::Size { width: size[0], height: size[1], limit };
     let most = u64::from(GROUP[0]) * u64::from(limits.workgroups[0]);
+    if size.iter().any(|&pixels| pixels > MOST_SIDE) {
+        return Err(too_large(format!("{MOST_SIDE} pixels a side")));
+    }
     if u64::from(size[0]) > most {
         return Err(too_large(format!("{most} pixels across")));
     }
@@ -634,13 +673,7 @@ impl Renderer {
             ];
             program.binding(&all)
         };
-        let push = Push {
-            sample_at: sample_at(band.sample, band.samples),
-            sample_index: band.sample,
-            sample_weight: 1.0 / band.samples as f32,
-            first_row: band.first_row,
-            rows: band.rows,
-        };
+        let push = Push::new(&constants, [band.sample, band.samples], [band.first_row, band.rows]);
         if let Some(clock) = clock.as_mut() {
             clock.begin(&mut commands);
         }
@@ -767,6 +800,6 @@ mod tests {
             floor,
         });
         assert_in(&readers, &constants);
-        assert_in(&readers, &members!(Push { sample_at, sample_index, sample_weight, first_row, rows }));
+        assert_in(&readers, &members!(Push { sample_at, sample_index, sample_weight, first_row, rows, origin_int, origin_fraction }));
     }
 }
