@@ -58,7 +58,7 @@ float min4(vec4 v) { return min(min(v.x, v.y), min(v.z, v.w)); }
 float max4(vec4 v) { return max(max(v.x, v.y), max(v.z, v.w)); }
 
 void main() {
-    uvec2 tile = dealt(gl_WorkGroupSize);
+    uvec2 tile = dealt_tile(gl_WorkGroupSize);
     uvec2 tiles = (uvec2(frame.width, push.rows) + SIDE - 1u) / SIDE;
     if (any(greaterThanEqual(tile, tiles))) return;
 

@@ -12,7 +12,7 @@ layout(local_size_x_id = 0, local_size_y_id = 1) in;
 layout(constant_id = 4) const bool SCREEN = false;
 
 void main() {
-    uvec2 pixel = dealt(gl_WorkGroupSize);
+    uvec2 pixel = dealt_pixel(gl_WorkGroupSize);
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     uint at = pixel.y * frame.width + pixel.x;
     Ray ray = ray_of(pixel);

@@ -155,12 +155,19 @@ void add(inout int integer, inout uint fraction, int other_int, uint other_fract
     integer += other_int + int(carry);
 }
 
-// The pixel (or tile) of this thread, groups being so large. Rows of groups are dealt out, the even ones first: a driver that gives each of
-// its threads a stretch of a dispatch gives each as much of the sky as of the ground.
-uvec2 dealt(uvec3 group) {
+// The tile of this thread, groups being so large. Rows of groups are dealt out, the even ones first: a driver that
+// gives each of its threads a stretch of a dispatch gives each as much of the sky as of the ground.
+uvec2 dealt_tile(uvec3 group) {
     uint y = gl_WorkGroupID.y * 2u, rows = gl_NumWorkGroups.y;
     if (y >= rows) y = (y - rows) | 1u;
     return uvec2(gl_WorkGroupID.x, y) * group.xy + gl_LocalInvocationID.xy;
+}
+
+// The pixel of this thread in a group of 8x8, dealt out so. Eight threads in a row have 4x2 pixels: they run together,
+// and the squarer their patch the more alike their rays.
+uvec2 dealt_pixel(uvec3 group) {
+    uvec2 thread = gl_LocalInvocationID.xy;
+    return dealt_tile(group) - thread + uvec2(thread.x & 3u | (thread.y & 1u) << 2u, thread.x >> 2u | thread.y & 6u);
 }
 
 // Pixels of the side of a beam's tile.

@@ -80,7 +80,7 @@ float sky_at(inout Here here, ivec2 column, float z, vec2 outward, float cell_st
 }
 
 void main() {
-    uvec2 pixel = dealt(gl_WorkGroupSize);
+    uvec2 pixel = dealt_pixel(gl_WorkGroupSize);
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     uint at = pixel.y * frame.width + pixel.x;
     uvec4 hit = HIT[at];

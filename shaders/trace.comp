@@ -9,7 +9,7 @@
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
 
 void main() {
-    uvec2 pixel = dealt(gl_WorkGroupSize);
+    uvec2 pixel = dealt_pixel(gl_WorkGroupSize);
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     Hit hit = trace_pixel(pixel, ray_of(pixel));
     HIT[pixel.y * frame.width + pixel.x] = uvec4(floatBitsToUint(hit.t), hit.slot, hit.column.y << SECTION_LOG2 | hit.column.x | hit.face << 16u | min(hit.steps, 8191u) << 19u, uint(hit.top));
