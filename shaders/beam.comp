@@ -86,9 +86,9 @@ void main() {
     int level = frame.top_level;
     if (BEFORE > 0u) {
         uvec2 before = tile * SIDE / BEFORE;
-        vec2 start = WIDE_BEAM[before.y * ((frame.width + BEFORE - 1u) / BEFORE) + before.x];
-        s = start.x;
-        level = int(start.y);
+        uint start = WIDE_BEAM[before.y * ((frame.width + BEFORE - 1u) / BEFORE) + before.x];
+        s = beam_depth(start);
+        level = beam_level(start);
     }
 
     Here here;
@@ -146,7 +146,7 @@ void main() {
         }
     }
     if (gone) s = 2.0 * FAR;
-    vec2 reached = vec2(s, float(level));
+    uint reached = beam_of(s, level);
     uint at = tile.y * tiles.x + tile.x;
     if (BEFORE > 0u) BEAM[at] = reached;
     else WIDE_BEAM[at] = reached;

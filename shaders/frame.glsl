@@ -58,8 +58,8 @@ layout(set = 0, binding = 2, scalar) uniform FrameBlock { Frame frame; };
 layout(set = 0, binding = 3, scalar) buffer Hits { uvec4 hits[]; };
 layout(set = 0, binding = 4, scalar) buffer Colors { vec4 colors[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer Ramp { vec4 ramp[]; };
-layout(set = 0, binding = 6, scalar) buffer Beams { vec2 beams[]; };
-layout(set = 0, binding = 7, scalar) buffer WideBeams { vec2 wide_beams[]; };
+layout(set = 0, binding = 6, scalar) buffer Beams { uint beams[]; };
+layout(set = 0, binding = 7, scalar) buffer WideBeams { uint wide_beams[]; };
 #define BEAM beams
 #define WIDE_BEAM wide_beams
 #define NODE nodes
@@ -74,7 +74,7 @@ layout(set = 0, binding = 0, scalar) uniform FrameBlock { Frame frame; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Hits { uvec4 hits[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Colors { vec4 colors[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ramp { vec4 ramp[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 8) buffer Beams { vec2 beams[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Beams { uint beams[]; };
 #define BEAM Beams(frame.beams).beams
 #define WIDE_BEAM Beams(frame.wide_beams).beams
 #define NODE Table(frame.table).nodes
@@ -94,6 +94,7 @@ layout(push_constant, scalar) uniform Push {
 } push;
 
 #ifdef POOL_TEXELS
+uint beam_at(uint tile) { return imageLoad(beam_texels, int(tile)).r; }
 uint node_word(uint slot, int word) { return imageLoad(table_texels, int(slot * 16u) + word).r; }
 uvec2 node_key(uint slot) { return uvec2(node_word(slot, 0), node_word(slot, 1)); }
 uint node_top(uint slot) { return node_word(slot, 2); }
@@ -102,6 +103,7 @@ uvec2 node_pyramid(uint slot) { return uvec2(node_word(slot, 4), node_word(slot,
 int node_base(uint slot) { return int(node_word(slot, 6)); }
 uint node_beside(uint slot, uint side) { return node_word(slot, 7 + int(side)); }
 #else
+uint beam_at(uint tile) { return BEAM[tile]; }
 uvec2 node_key(uint slot) { return NODE[slot].key; }
 uint node_top(uint slot) { return NODE[slot].top; }
 uint node_meta(uint slot) { return NODE[slot].meta; }
@@ -169,6 +171,11 @@ uvec2 dealt_pixel(uvec3 group) {
     uvec2 thread = gl_LocalInvocationID.xy;
     return dealt_tile(group) - thread + uvec2(thread.x & 3u | (thread.y & 1u) << 2u, thread.x >> 2u | thread.y & 6u);
 }
+
+// How far a beam came (depths from the eye on; to 18 bits, and never too far), and its level.
+uint beam_of(float s, int level) { return floatBitsToUint(max(s + frame.depth, 0.0)) & ~31u | uint(level); }
+float beam_depth(uint beam) { return uintBitsToFloat(beam & ~31u) - frame.depth; }
+int beam_level(uint beam) { return int(beam & 31u); }
 
 // Pixels of the side of a beam's tile.
 const uint TILE = 8u;

@@ -18,6 +18,7 @@ void pool_store(uvec2 place, uint word, uint value) { pool_words[place.x + word]
 
 layout(set = 0, binding = 1, r32ui) readonly uniform uimageBuffer pool_texels;
 layout(set = 0, binding = 2, r32ui) readonly uniform uimageBuffer table_texels;
+layout(set = 0, binding = 3, r32ui) readonly uniform uimageBuffer beam_texels;
 
 uint pool_load(uvec2 place, uint word) { return imageLoad(pool_texels, int(place.x + word)).r; }
 uvec2 pool_back(uvec2 place, uint words) { return uvec2(place.x - words, place.y); }

@@ -208,9 +208,9 @@ Hit trace(Ray ray, float start, int level) {
 // The hit of a pixel of the band behind the beam of its tile.
 Hit trace_pixel(uvec2 pixel, Ray ray) {
     uvec2 tile = pixel / TILE;
-    vec2 beam = BEAM[tile.y * ((frame.width + TILE - 1u) / TILE) + tile.x];
+    uint beam = beam_at(tile.y * ((frame.width + TILE - 1u) / TILE) + tile.x);
     // A little before, for rounding.
-    float start = beam.x * ray.unit;
+    float start = beam_depth(beam) * ray.unit;
     start = max(start - 1e-6 * abs(start), ray.start);
-    return trace(ray, start, min(int(beam.y), frame.top_level));
+    return trace(ray, start, min(beam_level(beam), frame.top_level));
 }

@@ -170,9 +170,10 @@ pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 15] {
 fn a_wrong_layout_is_found() {
     let shader = [("trace", super::shaders::TRACE)];
     // The push constants of trace.comp, and what they are not.
-    let right: Members = [(0, "i32x2"), (8, "u32"), (12, "f32"), (16, "u32"), (20, "u32"), (24, "i32x3"), (36, "u32x3")]
-        .map(|(o, n)| (o, n.to_owned()))
-        .into();
+    let right: Members =
+        [(0, "i32x2"), (8, "u32"), (12, "f32"), (16, "u32"), (20, "u32"), (24, "i32x3"), (36, "u32x3")]
+            .map(|(o, n)| (o, n.to_owned()))
+            .into();
     let mut wrong = right.clone();
     wrong[2].0 = 16;
     assert_in(&shader, &right);

@@ -291,8 +291,12 @@ const BUFFERS: [BindingKind; 8] = {
     all
 };
 
-/// And where it is read as texels: constants, pool, table.
-const TEXELS: [BindingKind; 3] = [BindingKind::Uniform, BindingKind::Texels, BindingKind::Texels];
+/// And where it is read as texels: constants, pool, table, beams.
+const TEXELS: [BindingKind; 4] = {
+    let mut all = [BindingKind::Texels; 4];
+    all[0] = BindingKind::Uniform;
+    all
+};
 
 /// A pass's program for each [`Access`].
 struct Variants {
@@ -337,8 +341,8 @@ pub const PASSES: u32 = 4;
 const TILE: u32 = 8;
 /// And of the wide beams'.
 const WIDE_TILE: u32 = 64;
-/// How far a beam came, and its level.
-const BYTES_PER_BEAM: u64 = 8;
+/// How far a beam came and its level, in one word.
+const BYTES_PER_BEAM: u64 = 4;
 
 const BYTES_PER_PIXEL: u64 = 16;
 const FACE_TOP: u32 = 0;
@@ -658,7 +662,9 @@ impl Renderer {
             let pool = pool.as_ref().unwrap_or(&buffers.table);
             match self.access {
                 Access::Address => return program.binding(&[&buffers.frame]),
-                Access::Texels => return program.binding(&[&buffers.frame, pool, &buffers.table]),
+                Access::Texels => {
+                    return { program.binding(&[&buffers.frame, pool, &buffers.table, &target.beams]) };
+                }
                 Access::StorageBuffer => {}
             }
             let all = [
@@ -800,6 +806,17 @@ mod tests {
             floor,
         });
         assert_in(&readers, &constants);
-        assert_in(&readers, &members!(Push { sample_at, sample_index, sample_weight, first_row, rows, origin_int, origin_fraction }));
+        assert_in(
+            &readers,
+            &members!(Push {
+                sample_at,
+                sample_index,
+                sample_weight,
+                first_row,
+                rows,
+                origin_int,
+                origin_fraction
+            }),
+        );
     }
 }
