@@ -16,7 +16,8 @@ pub mod world;
 /// One frame's times and bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct FrameTimes {
-    /// Host time from binned columns to upload form, ms.
+    /// Time that the host's thread ran for, from binned columns to upload form, ms: what else the host does meanwhile, a
+    /// software driver's tracing above all, is not part of it.
     pub prepare_ms: f64,
     /// Device time of copies, and of what is derived from them, ms.
     pub copy_ms: f64,

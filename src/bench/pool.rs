@@ -9,6 +9,7 @@ use crate::render::frame::{FrameError, PASSES, Renderer, View};
 use crate::render::image::Image;
 use crate::stream::pool::Access;
 use crate::stream::scene::Scene;
+use cpu_time::ThreadTime;
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
@@ -60,6 +61,7 @@ impl Pool {
         times: &mut FrameTimes,
     ) -> anyhow::Result<()> {
         let begin = Instant::now();
+        let needed = sections(windows[0]);
         let wanted: BTreeSet<_> = windows.iter().flat_map(|w| sections(*w)).collect();
         // What has only just left may come back.
         let kept: BTreeSet<_> = windows.iter().flat_map(|w| sections(grown(*w))).collect();
@@ -69,18 +71,22 @@ impl Pool {
             self.wanted.retain(|key| !gone.contains(key));
         }
         let before = self.scene.counters().section_bytes;
-        let mut packing = Duration::ZERO;
-        let fresh: Vec<_> = wanted.difference(&self.wanted).copied().collect();
-        for key in fresh {
-            let Some(columns) = world.columns(key) else { continue };
-            let from = Instant::now();
+        let (mut packing, mut ran) = (Duration::ZERO, Duration::ZERO);
+        let fresh = |of: &BTreeSet<SectionKey>| of.difference(&self.wanted).copied().collect::<Vec<_>>();
+        let (first, mut then) = (fresh(&needed), fresh(&wanted));
+        then.retain(|key| !needed.contains(key));
+        for key in first.into_iter().chain(then) {
+            let Some(columns) = world.columns(key) else {
+                self.wanted.insert(key);
+                continue;
+            };
             let layout = columns.layout();
-            packing += from.elapsed();
             let mut put = |scene: &mut Scene| {
                 scene.upload_with(key, layout, |words| {
-                    let from = Instant::now();
+                    let (from, at) = (Instant::now(), ThreadTime::now());
                     let highest_of = columns.pack_into(words);
                     packing += from.elapsed();
+                    ran += at.elapsed();
                     highest_of
                 })
             };
@@ -92,11 +98,18 @@ impl Pool {
                 self.wanted.retain(|key| wanted.contains(key));
                 room = put(&mut self.scene)?;
             }
-            anyhow::ensure!(room, "the sections of the window do not fit the device's memory");
+            if !room {
+                // What may be wanted later may have to come later.
+                anyhow::ensure!(
+                    !needed.contains(&key),
+                    "the sections of the window do not fit the device's memory"
+                );
+                break;
+            }
+            self.wanted.insert(key);
         }
         self.scene.flush()?;
-        self.wanted.extend(wanted);
-        times.prepare_ms += packing.as_secs_f64() * 1e3;
+        times.prepare_ms += ran.as_secs_f64() * 1e3;
         times.copy_bytes += self.scene.counters().section_bytes - before;
         times.wait_ms += ms(begin) - packing.as_secs_f64() * 1e3;
         Ok(())
@@ -105,7 +118,7 @@ impl Pool {
     /// Makes everything that `window` holds resident, and a section more on each side, as if it had been near for long.
     pub fn load(&mut self, world: &World, window: [[i32; 2]; 2]) -> anyhow::Result<FrameTimes> {
         let mut times = FrameTimes::default();
-        self.stream(world, &[grown(window)], &mut times)?;
+        self.stream(world, &[window, grown(window)], &mut times)?;
         self.scene.settle()?;
         times.copy_ms = self.device_ms()?;
         Ok(times)

@@ -9,6 +9,7 @@ use crate::gpu::{
     Timestamps, shaders,
 };
 use crate::render::frame::{FrameConstants, FrameError, Push, Rays, View};
+use cpu_time::ThreadTime;
 use std::collections::VecDeque;
 use std::time::Instant;
 
@@ -235,9 +236,9 @@ impl Thesis {
     /// Draws a frame: the camera section at `window` is cut out, copied and traced, one after the other.
     pub fn frame(&mut self, view: &View, world: &World) -> Result<FrameTimes, FrameError> {
         let window = view.window.expect("a camera section");
-        let begin = Instant::now();
+        let (begin, ran) = (Instant::now(), ThreadTime::now());
         self.extract(window);
-        let prepare_ms = ms(begin);
+        let prepare_ms = ran.elapsed().as_secs_f64() * 1e3;
 
         let copying = Instant::now();
         let mut copy = self.order.begin_copy("camera section", &[])?;

@@ -661,23 +661,19 @@ impl Renderer {
             // An empty scene has no page; the table is never followed into it.
             let pool = pool.as_ref().unwrap_or(&buffers.table);
             match self.access {
-                Access::Address => return program.binding(&[&buffers.frame]),
-                Access::Texels => {
-                    return { program.binding(&[&buffers.frame, pool, &buffers.table, &target.beams]) };
-                }
-                Access::StorageBuffer => {}
+                Access::Address => program.binding(&[&buffers.frame]),
+                Access::Texels => program.binding(&[&buffers.frame, pool, &buffers.table, &target.beams]),
+                Access::StorageBuffer => program.binding(&[
+                    pool,
+                    &buffers.table,
+                    &buffers.frame,
+                    &target.hits,
+                    &target.colors,
+                    &buffers.ramp,
+                    &target.beams,
+                    &target.wide_beams,
+                ]),
             }
-            let all = [
-                pool,
-                &buffers.table,
-                &buffers.frame,
-                &target.hits,
-                &target.colors,
-                &buffers.ramp,
-                &target.beams,
-                &target.wide_beams,
-            ];
-            program.binding(&all)
         };
         let push = Push::new(&constants, [band.sample, band.samples], [band.first_row, band.rows]);
         if let Some(clock) = clock.as_mut() {
