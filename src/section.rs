@@ -335,38 +335,45 @@ const FEW_RUNS: usize = 4;
 
 /// Scratch for blocks with chains.
 struct Chains {
-    heights: [u32; Chains::MOST],
-    attributes: [[u32; 2]; Chains::MOST],
+    heights: [u32; BLOCK_COLUMNS * FEW_RUNS],
+    attributes: [[u32; 2]; BLOCK_COLUMNS * FEW_RUNS],
     column: Vec<Record>,
 }
 
 impl Default for Chains {
     fn default() -> Chains {
-        Chains { heights: [0; Self::MOST], attributes: [[0; 2]; Self::MOST], column: Vec::new() }
+        const MOST: usize = BLOCK_COLUMNS * FEW_RUNS;
+        Chains { heights: [0; MOST], attributes: [[0; 2]; MOST], column: Vec::new() }
     }
 }
 
 impl Chains {
-    /// Of a block; two are written at a time.
-    const MOST: usize = BLOCK_COLUMNS * FEW_RUNS + 1;
-
     /// Writes a block; gives the counts.
     fn put(&mut self, block: &[Best; BLOCK_COLUMNS], more: &[Best], runs: &mut Runs) -> [u8; BLOCK_COLUMNS] {
         let mut n = 0;
         let mut counts = [0; BLOCK_COLUMNS];
         for (first, count) in block.iter().zip(&mut counts) {
-            // Nearly all columns have one run or two: both are written, and what is empty is written over by the next
-            // column. (What follows none is the first of `more`, which is empty and followed by itself.)
-            let second = more[first.next as usize];
-            let pair = larger_first(first.record, second.record);
-            for (k, Record([h, w1, w2])) in pair.into_iter().enumerate() {
-                self.heights[n + k] = h;
-                self.attributes[n + k] = [w1, w2];
+            if first.next == 0 {
+                // What is empty is written over by the next column.
+                let [h, w1, w2] = first.record.0;
+                self.heights[n] = h;
+                self.attributes[n] = [w1, w2];
+                *count = u8::from(h != 0);
+                n += usize::from(h != 0);
+                continue;
             }
+            // The end of a chain is followed by itself, which is empty.
+            let second = more[first.next as usize];
             if second.next == 0 {
-                let held: usize = pair.map(|record| usize::from(!record.is_empty())).iter().sum();
-                *count = held as u8;
-                n += held;
+                // By far the most common chain.
+                let pair = [first.record, second.record];
+                let pair = if pair[0] < pair[1] { [pair[1], pair[0]] } else { pair };
+                for (k, Record([h, w1, w2])) in pair.into_iter().enumerate() {
+                    self.heights[n + k] = h;
+                    self.attributes[n + k] = [w1, w2];
+                }
+                *count = 2;
+                n += 2;
                 continue;
             }
             let third = more[second.next as usize];
@@ -407,14 +414,6 @@ impl Chains {
         }
         kept.len() as u8
     }
-}
-
-/// Without a branch, which could not be foretold.
-#[inline]
-fn larger_first(a: Record, b: Record) -> [Record; 2] {
-    let swap = u32::from(a.as_number() < b.as_number()).wrapping_neg();
-    let other: [u32; 3] = std::array::from_fn(|w| (a.0[w] ^ b.0[w]) & swap);
-    [a, b].map(|record| Record(std::array::from_fn(|w| record.0[w] ^ other[w])))
 }
 
 /// A sorting network: largest first.
