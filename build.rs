@@ -74,7 +74,8 @@ fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
         let stem = source.file_stem().and_then(|s| s.to_str()).ok_or("a shader's name is not UTF-8")?;
         let mut variants = vec![(stem.to_uppercase(), None)];
         for (suffix, define) in [("SSBO", "POOL_SSBO"), ("TEXELS", "POOL_TEXELS")] {
-            if asks_for(source, &format!("#ifdef {define}"), 0)? {
+            // The baseline goes by address alone.
+            if stem != "thesis" && asks_for(source, &format!("#ifdef {define}"), 0)? {
                 variants.push((format!("{}_{suffix}", stem.to_uppercase()), Some(define)));
             }
         }

@@ -4,7 +4,7 @@
 struct Job {
     uvec4 section; // its place; runs
     uvec4 near[9]; // derived parts of the 3x3 sections around, row by row from the south-west, [4] its own:
-                   // place of what they show (0: no section), base, 1 for wide codes
+                   // where it starts (0: no section), base, 1 for wide codes
 };
 
 struct Derive {
@@ -68,7 +68,7 @@ void store_four(uvec2 derived, uint first, uint code, uvec4 codes) {
     store_two(derived, first, code + 2u, codes.zw);
 }
 
-// A half block, 8x4 columns, is one thread's: it owns whole words of every plane.
+// A half block, 8x4 columns, is one thread's: of what was uploaded, two blocks of what is derived: it owns whole words of both.
 uvec2 half_block_origin(uint half_block) {
     uint block = half_block >> 1u;
     return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * uvec2(8u, 4u);

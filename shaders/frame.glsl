@@ -173,7 +173,7 @@ uvec2 dealt_pixel(uvec3 group) {
 }
 
 // How far a beam came (depths from the eye on; to 18 bits, and never too far), and its level.
-uint beam_of(float s, int level) { return floatBitsToUint(max(s + frame.depth, 0.0)) & ~31u | uint(level); }
+uint beam_of(float s, int level) { return floatBitsToUint(max((s + frame.depth) * 0.9999998, 0.0)) & ~31u | uint(level); }
 float beam_depth(uint beam) { return uintBitsToFloat(beam & ~31u) - frame.depth; }
 int beam_level(uint beam) { return int(beam & 31u); }
 

@@ -6,12 +6,6 @@ const uint SECTION_SIDE = 1u << SECTION_LOG2;
 // Attributes, first word: class << 24 | intensity << 8 | red. Second: green << 24 | blue << 16 | returns << 8 | flags.
 const uint FLAG_WITHHELD = 4u;
 
-// Block order: 64 consecutive columns are an 8x8 block.
-uint block_order(uvec2 column) {
-    uvec2 block = column >> 3u, inner = column & 7u;
-    return ((block.y << 5u | block.x) << 6u) | inner.y << 3u | inner.x;
-}
-
 // What is derived of a section: 64x64 blocks of 4x4 columns, row by row, then the pyramid's levels 2 to 8, row by row each.
 // A block is two cache lines: level 0 of the pyramid, level 1, a word of measured bits (in blocks of even index, for
 // themselves and the next, row by row); and what each column shows: class << 24 | red | green << 8 | blue << 16, or in

@@ -472,7 +472,7 @@ impl HeightCode {
 
 /// Kind of payload: columns of runs. Others follow (stacks, points, walls); only shaders look at it.
 pub const KIND_COLUMNS: u32 = 1;
-/// Words of a payload's header; `shaders/section.glsl` has the same list.
+/// Words of a payload's header: kind, words in all, code, base, runs, and where the parts start.
 pub const HEADER_WORDS: u32 = 16;
 
 /// Where each part of what is uploaded of a section starts, in words from its start.

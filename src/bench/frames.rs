@@ -1,7 +1,7 @@
 //! Both pipelines along camera paths, frame by frame.
 
 use super::FrameTimes;
-use super::pool::Pool;
+use super::pool::{AHEAD, Pool};
 use super::thesis::{Config, Picture, Thesis};
 use super::world::World;
 use crate::coords::CELL_LIMIT;
@@ -12,9 +12,6 @@ use crate::render::image::{Image, MISS_CLASS};
 use crate::render::path::{CameraPath, Stage};
 use glam::{DVec2, DVec3};
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Frames that our pipeline looks ahead, at the speed of the moment.
-const AHEAD: i32 = 3;
 
 /// What is run.
 pub struct Options<'a> {

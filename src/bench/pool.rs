@@ -13,6 +13,8 @@ use cpu_time::ThreadTime;
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
+/// Frames that are looked ahead, at the speed of the moment.
+pub const AHEAD: u32 = 3;
 /// Device memory for sections, bytes.
 const BUDGET: u64 = 3 << 30;
 
@@ -41,9 +43,10 @@ impl Pool {
     /// An empty pool for windows of `cells` a side.
     pub fn new(gpu: &Gpu, world: &World, cells: u32) -> Result<Pool, FrameError> {
         let budget = BUDGET.min(gpu.info().memory_bytes / 8 * 7);
-        // Wherever it lies, and with the margin.
+        // Wherever it lies, with the margin, and what the motion leads to.
         let side = u64::from(cells.div_ceil(1 << SECTION_LOG2)) + 3;
-        let access = Access::best(gpu, side * side * world.mean_derived_bytes());
+        let count = side * (side + 2 * u64::from(AHEAD));
+        let access = Access::best(gpu, count * world.mean_derived_bytes());
         let cell = world.grid.cell();
         let mut scene = Scene::new(gpu, |o: Order| o, access, budget, world.visibility, cell)?;
         scene.time();
@@ -91,11 +94,14 @@ impl Pool {
                 })
             };
             let mut room = put(&mut self.scene)?;
-            if !room {
-                // What is not wanted makes room.
-                let spare: Vec<_> = self.wanted.difference(&wanted).copied().collect();
+            // What is not wanted makes room; for what is needed now, what is wanted later does, too.
+            for keep in [&wanted, &needed] {
+                if room || !keep.contains(&key) {
+                    break;
+                }
+                let spare: Vec<_> = self.wanted.difference(keep).copied().collect();
                 self.scene.remove(&spare)?;
-                self.wanted.retain(|key| wanted.contains(key));
+                self.wanted.retain(|key| keep.contains(key));
                 room = put(&mut self.scene)?;
             }
             if !room {

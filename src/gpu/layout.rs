@@ -145,23 +145,30 @@ impl Consumer for Structs {
 }
 
 /// The programs that follow section tables, by address and through storage buffers.
-pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 15] {
+pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 10] {
     use super::shaders::*;
     [
         ("beam", BEAM),
         ("beam, POOL_SSBO", BEAM_SSBO),
-        ("beam, POOL_TEXELS", BEAM_TEXELS),
         ("trace", TRACE),
         ("trace, POOL_SSBO", TRACE_SSBO),
-        ("trace, POOL_TEXELS", TRACE_TEXELS),
         ("exact", EXACT),
         ("exact, POOL_SSBO", EXACT_SSBO),
-        ("exact, POOL_TEXELS", EXACT_TEXELS),
         ("plain", PLAIN),
         ("plain, POOL_SSBO", PLAIN_SSBO),
-        ("plain, POOL_TEXELS", PLAIN_TEXELS),
         ("shade", SHADE),
         ("shade, POOL_SSBO", SHADE_SSBO),
+    ]
+}
+
+/// The programs that read pool, table and beams as texels.
+pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 5] {
+    use super::shaders::*;
+    [
+        ("beam, POOL_TEXELS", BEAM_TEXELS),
+        ("trace, POOL_TEXELS", TRACE_TEXELS),
+        ("exact, POOL_TEXELS", EXACT_TEXELS),
+        ("plain, POOL_TEXELS", PLAIN_TEXELS),
         ("shade, POOL_TEXELS", SHADE_TEXELS),
     ]
 }

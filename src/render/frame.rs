@@ -347,7 +347,7 @@ const BYTES_PER_BEAM: u64 = 4;
 const BYTES_PER_PIXEL: u64 = 16;
 const FACE_TOP: u32 = 0;
 
-/// Pixels a workgroup covers: upright strips keep rays of one column of pixels together.
+/// Pixels a workgroup covers; `dealt_pixel` of `shaders/frame.glsl` takes it that they are 8 × 8.
 const GROUP: [u32; 2] = [8, 8];
 
 /// Buffers that exist once for every frame in flight.
@@ -425,8 +425,10 @@ const SUBMIT_RAYS: u64 = 1 << 21;
 /// Most pixels of a picture: 32 bytes each in host memory.
 const MOST_PIXELS: u64 = 1 << 27;
 
-/// And of its sides: rays count pixels from the middle in 16 bits.
-const MOST_SIDE: u32 = 65_534;
+/// And of its sides: rays count pixels from the middle, beams' corners up to a wide tile beyond the edge, and shaders
+/// multiply that by 16 bits in 31.
+const MOST_SIDE: u32 = 65_400;
+const _: () = assert!(MOST_SIDE / 2 + WIDE_TILE < 1 << 15);
 
 /// An error where a picture of `size` cannot be drawn.
 pub fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), FrameError> {
@@ -761,7 +763,7 @@ fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_in, members, readers_of_tables};
+    use crate::gpu::layout::{assert_in, members, readers_of_tables, readers_of_texels};
 
     #[test]
     fn shaders_see_the_structs_as_they_are_written() {
@@ -801,18 +803,19 @@ mod tests {
             background,
             floor,
         });
+        let texels = readers_of_texels();
         assert_in(&readers, &constants);
-        assert_in(
-            &readers,
-            &members!(Push {
-                sample_at,
-                sample_index,
-                sample_weight,
-                first_row,
-                rows,
-                origin_int,
-                origin_fraction
-            }),
-        );
+        assert_in(&texels, &constants);
+        let push = members!(Push {
+            sample_at,
+            sample_index,
+            sample_weight,
+            first_row,
+            rows,
+            origin_int,
+            origin_fraction
+        });
+        assert_in(&readers, &push);
+        assert_in(&texels, &push);
     }
 }

@@ -9,7 +9,7 @@ const PAGE_BYTES: u64 = 64 << 20;
 /// The only page of a pool that is reached through a storage buffer.
 const SINGLE_PAGE_BYTES: u64 = 128 << 20;
 /// Payloads start at multiples of this, of cache lines above all. The allocator's classes of sizes being what they are, a
-/// derived part takes 1 % more than it needs; with 256 it would be 10 %.
+/// derived part of 16-bit codes takes 1 % more than it needs; with 256 it would be 10 %.
 const ALIGN: u64 = 192;
 
 /// How shaders reach the pool.
@@ -34,7 +34,9 @@ impl Access {
 
 /// Largest page that can be seen as texels.
 fn texel_bytes(gpu: &Gpu) -> u64 {
-    u64::from(gpu.limits().texels) * 4
+    let limits = gpu.limits();
+    // Shaders count words in an i32.
+    (u64::from(limits.texels) * 4).min(limits.buffer_bytes).min(limits.allocation_bytes).min(4 << 30)
 }
 
 /// What `bytes` take of a page, units of [`ALIGN`]. The allocator keeps free space by size classes, and looks into
@@ -85,24 +87,22 @@ struct Page {
     buffer: Buffer,
     space: Allocator,
     free_bytes: u64,
-    /// How far it was ever used: a page that is seen as texels is as large as can be, and backed by memory no further.
-    reached_bytes: u64,
+    /// Most bytes that were ever used at once: of a CPU driver's page hardly more is backed by memory.
+    most_bytes: u64,
     /// Seen as texels: derived parts alone are in it, and in no other.
     texels: bool,
 }
 
 impl Page {
+    fn used_bytes(&self) -> u64 {
+        self.buffer.size() - self.free_bytes
+    }
+
     fn alloc(&mut self, units: u32) -> Option<(Allocation, u64)> {
         let allocation = self.space.allocate(units)?;
         self.free_bytes -= u64::from(units) * ALIGN;
-        let offset = u64::from(allocation.offset) * ALIGN;
-        self.reached_bytes = self.reached_bytes.max(offset + u64::from(units) * ALIGN);
-        Some((allocation, offset))
-    }
-
-    /// What it takes of the budget.
-    fn held_bytes(&self) -> u64 {
-        if self.texels { self.reached_bytes } else { self.buffer.size() }
+        self.most_bytes = self.most_bytes.max(self.used_bytes());
+        Some((allocation, u64::from(allocation.offset) * ALIGN))
     }
 }
 
@@ -125,47 +125,51 @@ impl Pool {
     pub fn alloc(&mut self, part: Part, bytes: u64) -> Result<Option<Slot>, GpuError> {
         let units = units(bytes);
         let texels = self.access == Access::Texels && part == Part::Derived;
+        let bytes_held = u64::from(units) * ALIGN;
+        let held = self.held_bytes();
         let mut found = None;
         for (index, page) in self.pages.iter_mut().enumerate() {
             let Some(page) = page.as_mut().filter(|page| page.texels == texels) else { continue };
+            let grows = (page.used_bytes() + bytes_held).saturating_sub(page.most_bytes);
+            if self.access == Access::Texels && held + grows > self.budget_bytes {
+                continue;
+            }
             found = page.alloc(units).map(|place| (index, place));
             if found.is_some() {
                 break;
             }
         }
         if found.is_none() {
-            let Some(index) = self.new_page(texels, u64::from(units) * ALIGN)? else { return Ok(None) };
+            let Some(index) = self.new_page(texels, bytes_held)? else { return Ok(None) };
             let page = self.pages[index].as_mut().expect("just made");
             found = page.alloc(units).map(|place| (index, place));
         }
         let (page, (allocation, offset)) = found.expect("the page was made to hold it");
         self.used_bytes += bytes;
-        let slot = Slot { page, allocation, offset, bytes, units };
-        if texels && self.held_bytes() > self.budget_bytes {
-            self.free(slot);
-            return Ok(None);
-        }
-        Ok(Some(slot))
+        Ok(Some(Slot { page, allocation, offset, bytes, units }))
     }
 
     /// Adds a page that holds at least `bytes`, if the budget allows.
     fn new_page(&mut self, texels: bool, bytes: u64) -> Result<Option<usize>, GpuError> {
         let left = self.budget_bytes.saturating_sub(self.held_bytes()) / ALIGN * ALIGN;
-        // The last page may be smaller than the others.
+        // The last page may be smaller than the others, where all of it counts.
         let size = match self.access {
             Access::Texels if texels => texel_bytes(&self.gpu) / ALIGN * ALIGN,
-            Access::Address | Access::Texels => PAGE_BYTES.max(bytes).min(left),
+            Access::Texels => PAGE_BYTES.max(bytes),
+            Access::Address => PAGE_BYTES.max(bytes).min(left),
             Access::StorageBuffer => SINGLE_PAGE_BYTES.max(bytes).min(left),
         };
         let only = texels || self.access == Access::StorageBuffer;
-        if only && self.pages.iter().flatten().any(|page| page.texels == texels) || size < bytes || size == 0
+        if only && self.pages.iter().flatten().any(|page| page.texels == texels)
+            || size < bytes
+            || left < bytes
         {
             return Ok(None);
         }
         let buffer =
             Buffer::new(&self.gpu, &format!("pool page {}", self.pages.len()), MemoryKind::Device, size)?;
         let space = Allocator::new((size / ALIGN) as u32);
-        let page = Some(Page { buffer, space, free_bytes: size, reached_bytes: 0, texels });
+        let page = Some(Page { buffer, space, free_bytes: size, most_bytes: 0, texels });
         let vacant = self.pages.iter().position(Option::is_none);
         let index = vacant.unwrap_or(self.pages.len());
         match vacant {
@@ -236,8 +240,12 @@ impl Pool {
         self.pages.iter().flatten().find(|p| p.texels == (self.access == Access::Texels)).map(|p| &p.buffer)
     }
 
-    /// Bytes of all pages.
+    /// Bytes that all pages take of the budget.
     pub fn held_bytes(&self) -> u64 {
-        self.pages.iter().flatten().map(Page::held_bytes).sum()
+        let of = |page: &Page| match self.access {
+            Access::Texels => page.most_bytes,
+            Access::Address | Access::StorageBuffer => page.buffer.size(),
+        };
+        self.pages.iter().flatten().map(of).sum()
     }
 }

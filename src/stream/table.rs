@@ -192,6 +192,17 @@ mod tests {
     #[test]
     fn shaders_see_nodes_as_they_are_written() {
         assert_in(&readers_of_tables(), &members!(Node { key, top, meta, pyramid, base, beside, pad }));
+        // Where they are texels, `node_word` counts words.
+        let words = [
+            std::mem::offset_of!(Node, key),
+            std::mem::offset_of!(Node, top),
+            std::mem::offset_of!(Node, meta),
+            std::mem::offset_of!(Node, pyramid),
+            std::mem::offset_of!(Node, base),
+            std::mem::offset_of!(Node, beside),
+            size_of::<Node>(),
+        ];
+        assert_eq!(words, [0, 2, 3, 4, 6, 7, 16].map(|word| 4 * word));
     }
 
     fn entry(i: i32, j: i32, top: i32) -> Entry {

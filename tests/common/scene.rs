@@ -1,7 +1,7 @@
 //! Scenes as the program makes them, and the same points read apart from it.
 #![allow(dead_code)] // each test file uses its part
 
-use lasray::attribute::{ClassMask, ColorTable};
+use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
 use lasray::coords::{Grid, Height, SectionKey};
 use lasray::gpu::{Gpu, Order};
 use lasray::load::{self, LoadOptions, Loaded};
@@ -53,6 +53,7 @@ pub struct Data {
     pub bounds: Bounds,
     pub anchor: Height,
     pub colors: ColorTable,
+    pub summary: AttributeSummary,
     pub placement: Placement,
 }
 
@@ -76,6 +77,7 @@ impl Data {
             bounds,
             anchor: Height::from_units(bounds.center().z).unwrap(),
             colors: ColorTable::new(color, &summary, None, None).unwrap(),
+            summary,
             placement,
         }
     }

@@ -170,7 +170,7 @@ fn derived_parts_are_as_specified() {
         let places = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j))).filter(|at| *at != (1, 0));
         let sections: Vec<_> = places.map(|(i, j)| (SectionKey { level: 0, i, j }, section(i, j))).collect();
         let shown = Visibility { classes: ClassMask::only(&[2, 5, 6, 200]), withheld: true, bridge: 0 };
-        for access in [Access::Address, Access::StorageBuffer] {
+        for access in [Access::Address, Access::Texels, Access::StorageBuffer] {
             let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, shown, CELL).unwrap();
             let (one_by_one, together) = sections.split_at(4);
             for (key, packed) in one_by_one {
@@ -192,6 +192,9 @@ fn derived_parts_are_as_specified() {
             ] {
                 let shown = Visibility { classes, withheld, bridge };
                 scene.show(shown).unwrap();
+                scene.carry(Carried::Colors).unwrap();
+                check(&mut scene, &sections, shown, Carried::Colors);
+                scene.carry(Carried::Values).unwrap();
                 check(&mut scene, &sections, shown, Carried::Values);
             }
         }

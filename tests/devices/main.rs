@@ -8,13 +8,13 @@ mod scene;
 mod story;
 
 use common::{LAVAPIPE, ORDERS, SWIFTSHADER, Setup};
-use lasray::attribute::ClassMask;
+use lasray::attribute::{ClassMask, ColorMode, ColorTable};
 use lasray::gpu::{Edge, Gpu};
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{Traversal, View};
 use lasray::render::image::Image;
 use lasray::stream::pool::Access;
-use lasray::stream::scene::Visibility;
+use lasray::stream::scene::{Scene, Visibility};
 use scene::{BRIDGED, Data, MEASURED, hits_that_differ, pixels_that_differ};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -89,6 +89,31 @@ fn both_ways_into_the_pool_give_the_same_pictures() {
             assert!(by_address == by_buffer, "{traversal:?}");
             let by_texels = pictures(&gpu, &data, Access::Texels, traversal);
             assert!(by_address == by_texels, "{traversal:?}");
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn columns_carry_what_a_picture_asks_for() {
+    common::run("columns_carry_what_a_picture_asks_for", LAVAPIPE, |setup| {
+        let (gpu, data) = (setup.gpu(), town());
+        let camera = &cameras(&data)[0];
+        let of = |mode| ColorTable::new(mode, &data.summary, None, None).unwrap();
+        let (rgb, intensity, returns) = (of(ColorMode::Rgb), of(ColorMode::Intensity), of(ColorMode::Return));
+        let draw = |scene: &mut Scene, colors: &ColorTable| {
+            let view = View { colors, ..data.exact(camera, SIZE) };
+            data.renderer(scene).draw(scene, &view).unwrap()
+        };
+        for visibility in [MEASURED(), BRIDGED()] {
+            let mut scene = data.scene(&gpu, Access::Texels, visibility);
+            let pictures = [&rgb, &intensity, &returns, &rgb].map(|colors| draw(&mut scene, colors));
+            assert!(pictures[0] == pictures[3]);
+            for (a, b) in [(0, 1), (0, 2), (1, 2)] {
+                assert!(pixels_that_differ(&pictures[a], &pictures[b]) > 1000, "{a}, {b}");
+            }
+            let mut fresh = data.scene(&gpu, Access::Address, visibility);
+            assert!(pictures[1] == draw(&mut fresh, &intensity));
         }
         assert_eq!(gpu.messages(), [""; 0]);
     });
@@ -184,8 +209,8 @@ fn streaming_shows_what_is_resident_on_every_driver_and_in_every_order() {
         common::run(test, setup, |setup| {
             let story = Story::new();
             // Barriers within a workgroup are slow on SwiftShader.
-            let accesses = [Access::Address, Access::StorageBuffer].into_iter();
-            for access in accesses.take(if setup == SWIFTSHADER { 1 } else { 2 }) {
+            let accesses = [Access::Address, Access::Texels, Access::StorageBuffer].into_iter();
+            for access in accesses.take(if setup == SWIFTSHADER { 1 } else { 3 }) {
                 let gpu = setup.gpu();
                 assert_eq!(gpu.has_transfer_queue(), setup.two_queues.is_some());
                 assert_eq!(story.run(&gpu, access, None), [""; 0], "{access:?}");
