@@ -160,6 +160,16 @@ fn around(key: SectionKey) -> [SectionKey; 9] {
     })
 }
 
+/// A section as the device has it.
+pub struct ReadBack {
+    /// Where the parts of what was uploaded start.
+    pub layout: Layout,
+    /// The words that were copied.
+    pub uploaded: Vec<u32>,
+    /// And those that were derived from them: see [`crate::section::Derived`].
+    pub derived: Vec<u32>,
+}
+
 /// Sections on the device.
 pub struct Scene {
     /// Who waits for whom. One thread submits.
@@ -702,8 +712,8 @@ impl Scene {
         Ok(buffer)
     }
 
-    /// Reads a live section back: the words that were copied, and those that were derived. For tests; waits.
-    pub fn read(&mut self, key: SectionKey) -> Result<Option<(Layout, [Vec<u32>; 2])>, GpuError> {
+    /// Reads a live section back. For tests; waits.
+    pub fn read(&mut self, key: SectionKey) -> Result<Option<ReadBack>, GpuError> {
         let Some(version) = self.sections.get(&key).and_then(|r| r.live.as_ref()) else { return Ok(None) };
         let layout = version.layout;
         let parts = [
@@ -720,7 +730,8 @@ impl Scene {
             words.resize(size as usize / 4, 0);
             self.order.read(point, &back, 0, bytemuck::cast_slice_mut(words))?;
         }
-        Ok(Some((layout, read)))
+        let [uploaded, derived] = read;
+        Ok(Some(ReadBack { layout, uploaded, derived }))
     }
 
     /// What a table may name now: live sections that show anything, in key order.

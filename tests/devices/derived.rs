@@ -8,7 +8,7 @@ use lasray::gpu::Order;
 use lasray::section::{Columns, Derived, Packed, column_index};
 use lasray::source::FLAG_WITHHELD;
 use lasray::stream::pool::Access;
-use lasray::stream::scene::{Carried, Scene, Visibility};
+use lasray::stream::scene::{Carried, ReadBack, Scene, Visibility};
 use std::collections::BTreeMap;
 
 const CELL: f64 = 0.25;
@@ -112,7 +112,7 @@ fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility
     sections.iter().for_each(|(key, packed)| tops(*key, packed, &shown, carried, &mut all));
     let mut bridged = 0;
     for (key, _) in sections {
-        let (layout, [_, words]) = scene.read(*key).unwrap().expect("live");
+        let ReadBack { layout, derived: words, .. } = scene.read(*key).unwrap().expect("live");
         let derived = Derived { wide: layout.code.wide };
         let code = |first: u32, k: usize| match derived.wide {
             true => words[first as usize + k],
