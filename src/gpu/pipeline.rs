@@ -30,7 +30,7 @@ pub enum BindingKind {
     Storage,
     /// A small buffer of constants.
     Uniform,
-    /// A buffer of words that shaders see as texels: at most [`super::Limits::texels`].
+    /// A buffer of words that shaders see as texels: as many as the device's limit says.
     Texels,
 }
 
