@@ -119,7 +119,7 @@ void main() {
         // A bridged height may lie outside what this section's code can say: it is held to its range.
         uint code = bridged ? uint(max(height - int(here.z), 1)) : 0u;
         if (!WIDE) code = min(code, 0xFFFFu);
-        uint first = west + (x >> 2u) * BLOCK_WORDS, inner = in_block(uvec2(column));
+        uint first = west + (x >> 2u) * block_words(IS_WIDE), inner = in_block(uvec2(column));
         if (WIDE) pool_store(derived, first + inner, code);
         else {
             uint word = pool_load(derived, first + inner / 2u);
@@ -132,13 +132,13 @@ void main() {
             uvec4 section = section_of(uint(from.x) > SECTION_SIDE - 1u, uint(from.y) > SECTION_SIDE - 1u);
             shows = shown_of(section.xy, uvec2(from) & (SECTION_SIDE - 1u), section.w);
         }
-        pool_store(derived, first + SHOWN + inner, shows);
+        pool_store(derived, first + shown_in_block(IS_WIDE) + inner, shows);
     }
 
     uvec2 level_2 = uvec2(0u);
     for (uint pair = 0u; pair < 2u; pair++) {
         for (uint side = 0u; side < 2u; side++) {
-            uint first = west + side * BLOCK_WORDS, row = pair * 8u;
+            uint first = west + side * block_words(IS_WIDE), row = pair * 8u;
             uvec4 south = load_four(derived, first, row), north = load_four(derived, first, row + 4u);
             level_2[side] = max(level_2[side], store_level_1(derived, first, pair, south, north));
         }

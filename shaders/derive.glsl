@@ -42,8 +42,6 @@ uint western_block(uint half_block, uint wide) {
 }
 
 const uint IS_WIDE = WIDE ? 1u : 0u;
-const uint BLOCK_WORDS = 32u + 16u * IS_WIDE;
-const uint SHOWN = 16u << IS_WIDE;
 
 // Two codes, from an even one on, counted from word `first`.
 uvec2 load_two(uvec2 derived, uint first, uint code) {
@@ -68,7 +66,8 @@ void store_four(uvec2 derived, uint first, uint code, uvec4 codes) {
     store_two(derived, first, code + 2u, codes.zw);
 }
 
-// A half block, 8x4 columns, is one thread's: of what was uploaded, two blocks of what is derived: it owns whole words of both.
+// A half block of what was uploaded, 8x4 columns, is one thread's, and two blocks of what is derived: whole words, all
+// its own.
 uvec2 half_block_origin(uint half_block) {
     uint block = half_block >> 1u;
     return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * uvec2(8u, 4u);

@@ -19,7 +19,7 @@ uint block_words(uint wide) { return 32u + 16u * wide; }
 uint measured_in_block(uint wide) { return 10u << wide; }
 uint shown_in_block(uint wide) { return 16u << wide; }
 
-// Word of the first code of pyramid level `level`, 2 to 8, and how many codes are before it.
+// First word of the pyramid's levels from 2 on; and the first code, counted from there, of level `level`, 2 to 8.
 uint upper_levels(uint wide) { return block_words(wide) << 2u * BLOCKS_LOG2; }
 uint upper_level(uint level) { return (0x15554u & ~((1u << 18u - 2u * level) - 1u)) - 0x14000u; }
 

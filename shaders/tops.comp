@@ -95,16 +95,16 @@ void main() {
         run += (pairs & 0xFFFFu) + (pairs >> 16u);
     }
 
-    uint west = western_block(half_block, IS_WIDE), east = west + BLOCK_WORDS;
+    uint west = western_block(half_block, IS_WIDE), east = west + block_words(IS_WIDE);
     uvec2 level_2 = uvec2(0u);
     uint word = half_block * 8u;
     for (uint pair = 0u; pair < 2u; pair++) {
         uint row = pair * 8u;
-        uvec4 south_west = next_four(word, west + SHOWN + row), south_east = next_four(word + 1u, east + SHOWN + row);
+        uvec4 south_west = next_four(word, west + shown_in_block(IS_WIDE) + row), south_east = next_four(word + 1u, east + shown_in_block(IS_WIDE) + row);
         store_four(derived, west, row, south_west);
         store_four(derived, east, row, south_east);
         row += 4u;
-        uvec4 north_west = next_four(word + 2u, west + SHOWN + row), north_east = next_four(word + 3u, east + SHOWN + row);
+        uvec4 north_west = next_four(word + 2u, west + shown_in_block(IS_WIDE) + row), north_east = next_four(word + 3u, east + shown_in_block(IS_WIDE) + row);
         store_four(derived, west, row, north_west);
         store_four(derived, east, row, north_east);
         if (!BRIDGE) {

@@ -554,40 +554,41 @@ fn stat(times: &[FrameTimes], of: impl Fn(&FrameTimes) -> f64) -> Option<Stat> {
     Stat::of(times.iter().map(|t| of(t) + 0.0).collect())
 }
 
-fn thesis_row(run: &ThesisRun, config: Config, path: &str, rays: u64) -> Row {
-    let drawn = &run.drawn;
+/// What both pipelines have: streaming over `streamed` frames, tracing over `drawn` ones.
+fn row(
+    pipeline: Pipeline,
+    config: Config,
+    path: &str,
+    rays: u64,
+    [streamed, drawn]: [&[FrameTimes]; 2],
+) -> Row {
     Row {
         frames: drawn.len() as u32,
         rays,
-        prepare_ms: stat(drawn, |t| t.prepare_ms),
-        copy_ms: stat(drawn, |t| t.copy_ms),
-        copy_bytes: stat(drawn, |t| t.copy_bytes as f64),
+        prepare_ms: stat(streamed, |t| t.prepare_ms),
+        copy_ms: stat(streamed, |t| t.copy_ms),
+        copy_bytes: stat(streamed, |t| t.copy_bytes as f64),
         trace_ms: stat(drawn, |t| t.trace_ms),
         trace_wall_ms: stat(drawn, |t| t.trace_wall_ms),
         total_ms: stat(drawn, |t| t.total_ms),
-        ..Row::new(Pipeline::Thesis, config.grid, config.levels, path)
+        ..Row::new(pipeline, config.grid, config.levels, path)
     }
+}
+
+fn thesis_row(run: &ThesisRun, config: Config, path: &str, rays: u64) -> Row {
+    row(Pipeline::Thesis, config, path, rays, [&run.drawn; 2])
 }
 
 /// Streaming over every frame, tracing over those that were drawn.
 fn pool_row(run: &PoolRun, config: Config, path: &str, rays: u64) -> Row {
-    let (drawn, stream) = (&run.drawn, &run.stream);
-    let trace_ms = stat(drawn, |t| t.trace_ms);
+    let both = row(Pipeline::Pool, config, path, rays, [&run.stream, &run.drawn]);
     let steps = run.steps_per_ray();
     Row {
-        frames: drawn.len() as u32,
-        rays,
-        prepare_ms: stat(stream, |t| t.prepare_ms),
-        copy_ms: stat(stream, |t| t.copy_ms),
-        copy_bytes: stat(stream, |t| t.copy_bytes as f64),
-        trace_wall_ms: stat(drawn, |t| t.trace_wall_ms),
-        total_ms: stat(drawn, |t| t.total_ms),
-        table_ms: stat(drawn, |t| t.table_ms),
-        wait_ms: stat(stream, |t| t.wait_ms),
+        table_ms: stat(&run.drawn, |t| t.table_ms),
+        wait_ms: stat(&run.stream, |t| t.wait_ms),
         missing_sections: Some(run.missing as u64),
         steps_per_ray: Some(steps),
-        ns_per_step: trace_ms.as_ref().map(|t| t.median * 1e6 / (rays as f64 * steps)),
-        trace_ms,
-        ..Row::new(Pipeline::Pool, config.grid, config.levels, path)
+        ns_per_step: both.trace_ms.as_ref().map(|t| t.median * 1e6 / (rays as f64 * steps)),
+        ..both
     }
 }
