@@ -135,13 +135,5 @@ void main() {
         pool_store(derived, first + shown_in_block(IS_WIDE) + inner, shows);
     }
 
-    uvec2 level_2 = uvec2(0u);
-    for (uint pair = 0u; pair < 2u; pair++) {
-        for (uint side = 0u; side < 2u; side++) {
-            uint first = west + side * block_words(IS_WIDE), row = pair * 8u;
-            uvec4 south = load_four(derived, first, row), north = load_four(derived, first, row + 4u);
-            level_2[side] = max(level_2[side], store_level_1(derived, first, pair, south, north));
-        }
-    }
-    store_level_2(derived, half_block, level_2);
+    store_levels_1_and_2(derived, half_block, west);
 }

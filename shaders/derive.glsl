@@ -2,7 +2,7 @@
 // Needs pool.glsl and section.glsl.
 
 struct Job {
-    uvec4 section; // its place; runs
+    uvec4 section; // its place; where its further runs start
     uvec4 near[9]; // derived parts of the 3x3 sections around, row by row from the south-west, [4] its own:
                    // where it starts (0: no section), base, 1 for wide codes
 };
@@ -30,10 +30,11 @@ layout(push_constant, scalar) uniform Push { uvec2 jobs; uvec2 derive; } push;
 
 layout(constant_id = 0) const bool WIDE = false; // codes of the sections take 32 bits
 
-// Parts of a section, words from its start.
+// What is uploaded of a section, words from its start (src/section.rs): two words for each of its 8x8 blocks, where the
+// block starts (0: it holds nothing) and how many further runs those before it have. A block: the highest run of each
+// column, three words (height with its sign bit turned, 0: no point; attributes), then how many others each has, a byte.
 const uint BLOCKS = 16u;
-const uint COUNTS = BLOCKS + 1024u;
-const uint HEIGHTS = COUNTS + 16384u;
+const uint COUNTS = 192u; // from a block's start
 // First word of the western of a half block's two blocks.
 uint western_block(uint half_block, uint wide) {
     uint block = half_block >> 1u;
@@ -61,11 +62,6 @@ uvec4 load_four(uvec2 derived, uint first, uint code) {
     return uvec4(load_two(derived, first, code), load_two(derived, first, code + 2u));
 }
 
-void store_four(uvec2 derived, uint first, uint code, uvec4 codes) {
-    store_two(derived, first, code, codes.xy);
-    store_two(derived, first, code + 2u, codes.zw);
-}
-
 // A half block of what was uploaded, 8x4 columns, is one thread's, and two blocks of what is derived: whole words, all
 // its own.
 uvec2 half_block_origin(uint half_block) {
@@ -73,16 +69,18 @@ uvec2 half_block_origin(uint half_block) {
     return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * uvec2(8u, 4u);
 }
 
-// Level 1 of two rows of four codes, stored as row `row`, 0 or 1, of the block's; gives their part of level 2.
-uint store_level_1(uvec2 derived, uint first, uint row, uvec4 south, uvec4 north) {
-    uvec4 columns = max(south, north);
-    uvec2 nodes = max(columns.xz, columns.yw);
-    store_two(derived, first, LEVEL_1 + row * 2u, nodes);
-    return max(nodes.x, nodes.y);
-}
-
-// Level 2 of a half block.
-void store_level_2(uvec2 derived, uint half_block, uvec2 nodes) {
+// Levels 1 and 2 of a half block, from its level 0, whose first word is `west`.
+void store_levels_1_and_2(uvec2 derived, uint half_block, uint west) {
+    uvec2 level_2 = uvec2(0u);
+    for (uint pair = 0u; pair < 2u; pair++) {
+        for (uint side = 0u; side < 2u; side++) {
+            uint first = west + side * block_words(IS_WIDE), row = pair * 8u;
+            uvec4 columns = max(load_four(derived, first, row), load_four(derived, first, row + 4u));
+            uvec2 nodes = max(columns.xz, columns.yw);
+            store_two(derived, first, LEVEL_1 + pair * 2u, nodes);
+            level_2[side] = max(level_2[side], max(nodes.x, nodes.y));
+        }
+    }
     uvec2 node = half_block_origin(half_block) >> 2u;
-    store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << 6u | node.x), nodes);
+    store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << 6u | node.x), level_2);
 }

@@ -52,12 +52,6 @@ impl Record {
         ])
     }
 
-    /// From a height and the two words of attributes that a packed section holds.
-    #[inline]
-    pub fn of(height: Height, attributes: [u32; 2]) -> Record {
-        Record([bias(height), attributes[0], attributes[1]])
-    }
-
     /// The attributes; `None` for an empty record.
     #[inline]
     pub fn unpack(self) -> Option<Attributes> {
@@ -73,13 +67,6 @@ impl Record {
         })
     }
 
-    /// A number of the same order; 0 for an empty record.
-    #[inline]
-    pub fn as_number(self) -> u128 {
-        let [w0, w1, w2] = self.0.map(u128::from);
-        w0 << 64 | w1 << 32 | w2
-    }
-
     /// No point.
     #[inline]
     pub fn is_empty(self) -> bool {
@@ -89,7 +76,7 @@ impl Record {
     /// Height on the lattice; `None` for an empty record.
     #[inline]
     pub fn height(self) -> Option<Height> {
-        (!self.is_empty()).then(|| Height((self.0[0] ^ 0x8000_0000) as i32))
+        (!self.is_empty()).then(|| unbias(self.0[0]))
     }
 
     /// ASPRS class.
@@ -109,6 +96,12 @@ impl Record {
 #[inline]
 pub(crate) fn bias(height: Height) -> u32 {
     height.0 as u32 ^ 0x8000_0000
+}
+
+/// The height of [`bias`].
+#[inline]
+pub(crate) fn unbias(word: u32) -> Height {
+    Height((word ^ 0x8000_0000) as i32)
 }
 
 /// Which of the 256 classes are shown; bit `class % 32` of word `class / 32`, as the shaders read it.

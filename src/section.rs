@@ -1,10 +1,10 @@
-//! Points to columns to packed runs: what a section is on the host and, word for word, on the device.
+//! Points to columns to sections: what a section is on the host and, word for word, on the device.
 //!
 //! While points arrive a section is a sparse grid of 8×8 blocks ([`Columns`]); the winner of every
-//! (column, class) is kept by an order-free maximum. [`Columns::pack`] turns it into the one buffer that is
-//! uploaded: a header, block offsets, counts and runs; the words after them are derived on the device.
+//! (column, class) is kept by an order-free maximum. What is uploaded has the same blocks in the same order, so that
+//! [`Columns::pack_into`] mostly copies.
 
-use crate::attribute::{Record, bias};
+use crate::attribute::{Record, unbias};
 use crate::coords::{Height, SECTION_COLUMNS, SECTION_LOG2, SECTION_SIDE};
 use crate::source::FLAG_WITHHELD;
 
@@ -16,16 +16,39 @@ pub const BLOCK_COLUMNS: usize = 1 << (2 * BLOCK_LOG2);
 pub const SECTION_BLOCKS: usize = SECTION_COLUMNS / BLOCK_COLUMNS;
 /// Blocks on a section's side.
 const BLOCKS_SIDE: u32 = SECTION_SIDE >> BLOCK_LOG2;
+/// Blocks that are made at once, side by side: a page of memory, so that packing reads on without a jump.
+const STRIP_BLOCKS: usize = 4;
+/// Strips in a section.
+const STRIPS: usize = SECTION_BLOCKS / STRIP_BLOCKS;
 
-/// The best record of one class in one column, and where the column's next class is.
-#[derive(Clone, Copy)]
-struct Best {
-    record: Record,
-    /// Index into `Columns::more`; 0 ends the chain.
-    next: u32,
+/// Columns side by side, row by row.
+struct Block {
+    /// The highest record of each column.
+    highest: [Record; BLOCK_COLUMNS],
+    /// Where each column's other classes are: bits 0-24 index into `Columns::others`, 0 where there are none; bits
+    /// 25-31 how many there are, [`MANY`] or more as that.
+    others: [u32; BLOCK_COLUMNS],
 }
 
-const NO_BEST: Best = Best { record: Record::EMPTY, next: 0 };
+type Strip = [Block; STRIP_BLOCKS];
+
+/// Bits of an index into `Columns::others`: a column has at most 511.
+const INDEX_BITS: u32 = 25;
+/// Most others that are counted.
+const MANY: u32 = 127;
+
+#[inline]
+fn index_of(others: u32) -> usize {
+    (others & ((1 << INDEX_BITS) - 1)) as usize
+}
+
+/// The best record of a further class of a column.
+#[derive(Clone, Copy)]
+struct Other {
+    record: Record,
+    /// Index of the column's next; 0 ends the chain.
+    next: u32,
+}
 
 /// Whether two records belong to the same run: same class, and both withheld or both not (a withheld
 /// point must not hide one that is not).
@@ -36,31 +59,35 @@ fn same_run(a: Record, b: Record) -> bool {
 
 /// A section while points arrive: one best record for each column and class.
 ///
-/// Memory follows the occupied 8×8 blocks: 1 KiB each, 16 bytes for every further class of a column.
+/// Memory follows the occupied strips of 32×8 columns: 4 KiB each, 16 bytes for every further class of a column.
 pub struct Columns {
-    /// Row-major over the section's blocks.
-    blocks: Box<[Option<Box<[Best; BLOCK_COLUMNS]>>]>,
-    /// Further classes of columns; the first is empty and the end of every chain.
-    more: Vec<Best>,
+    /// Row by row, 8 to a row.
+    strips: Box<[Option<Box<Strip>>; STRIPS]>,
+    /// Further classes of columns; the first is empty.
+    others: Vec<Other>,
     points: u64,
-    occupied_blocks: usize,
-    /// Runs that the device will hold: at most [`MOST_RUNS`] a column.
-    runs: u32,
+    occupied_strips: usize,
+    /// A bit for each block that holds anything.
+    occupied_blocks: [u64; SECTION_BLOCKS / 64],
+    /// Further runs that the device will hold: at most [`MOST_OTHERS`] a column.
+    further_runs: u32,
+    /// First word of the highest record of each class, withheld or not: `class << 1 | withheld`; 0: none.
+    highest: Box<[u32; 512]>,
     /// Of all points ever, so that it does not depend on which of them were kept meanwhile.
     lowest: Height,
-    highest: Height,
 }
 
 impl Default for Columns {
     fn default() -> Self {
         Columns {
-            blocks: (0..SECTION_BLOCKS).map(|_| None).collect(),
-            more: vec![NO_BEST],
+            strips: Box::new([const { None }; STRIPS]),
+            others: vec![Other { record: Record::EMPTY, next: 0 }],
             points: 0,
-            occupied_blocks: 0,
-            runs: 0,
+            occupied_strips: 0,
+            occupied_blocks: [0; SECTION_BLOCKS / 64],
+            further_runs: 0,
+            highest: Box::new([0; 512]),
             lowest: Height(i32::MAX),
-            highest: Height(i32::MIN),
         }
     }
 }
@@ -73,14 +100,22 @@ pub fn column_index(x: u32, y: u32) -> u16 {
     (block << (2 * BLOCK_LOG2) | (y & mask) << BLOCK_LOG2 | (x & mask)) as u16
 }
 
+/// The column (x, y) at a [`column_index`].
+pub fn column_at(index: u16) -> [u32; 2] {
+    let mask = (1 << BLOCK_LOG2) - 1;
+    let (block, column) = (u32::from(index) >> (2 * BLOCK_LOG2), u32::from(index));
+    [
+        (block % BLOCKS_SIDE) << BLOCK_LOG2 | column & mask,
+        (block / BLOCKS_SIDE) << BLOCK_LOG2 | column >> BLOCK_LOG2 & mask,
+    ]
+}
+
 impl Columns {
     /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its class.
     /// The result does not depend on the order of calls.
     pub fn add(&mut self, x: u32, y: u32, record: Record) {
         self.points += 1;
-        let height = of_record(&record);
-        self.lowest = self.lowest.min(height);
-        self.highest = self.highest.max(height);
+        self.lowest = self.lowest.min(of_record(&record));
         self.insert(column_index(x, y), record);
     }
 
@@ -89,7 +124,6 @@ impl Columns {
     pub fn add_all(&mut self, columns: &[u16], heights: &[Height], record: impl Fn(usize) -> Record) {
         self.points += columns.len() as u64;
         self.lowest = heights.iter().fold(self.lowest, |low, &h| low.min(h));
-        self.highest = heights.iter().fold(self.highest, |high, &h| high.max(h));
         for (i, &column) in columns.iter().enumerate() {
             self.insert(column, record(i));
         }
@@ -97,42 +131,53 @@ impl Columns {
 
     #[inline]
     fn insert(&mut self, column: u16, record: Record) {
-        let block = match &mut self.blocks[usize::from(column) / BLOCK_COLUMNS] {
-            Some(block) => block,
+        let (block, c) = (usize::from(column) / BLOCK_COLUMNS, usize::from(column) % BLOCK_COLUMNS);
+        let strip = match &mut self.strips[block / STRIP_BLOCKS] {
+            Some(strip) => strip,
             empty => {
-                self.occupied_blocks += 1;
-                empty.insert(Box::new([NO_BEST; BLOCK_COLUMNS]))
+                self.occupied_strips += 1;
+                const EMPTY: Block =
+                    Block { highest: [Record::EMPTY; BLOCK_COLUMNS], others: [0; BLOCK_COLUMNS] };
+                empty.insert(Box::new([EMPTY; STRIP_BLOCKS]))
             }
         };
-        let first = &mut block[usize::from(column) % BLOCK_COLUMNS];
-        if first.record.is_empty() {
-            first.record = record;
-            self.runs += 1;
-            return;
+        let Block { highest: first, others } = &mut strip[block % STRIP_BLOCKS];
+        let (first, others) = (&mut first[c], &mut others[c]);
+        if first.is_empty() {
+            *first = record;
+            self.occupied_blocks[block / 64] |= 1 << (block % 64);
+            return see(&mut self.highest, record);
         }
-        if same_run(first.record, record) {
-            if record > first.record {
-                first.record = record;
+        if same_run(*first, record) {
+            if record > *first {
+                *first = record;
+                see(&mut self.highest, record);
             }
             return;
         }
         // Further classes of a column hang in a chain; columns rarely hold more than three.
-        let mut at = first.next;
-        let mut runs = 1;
+        let mut at = index_of(*others);
+        let mut count = 0;
         while at != 0 {
-            let other = &mut self.more[at as usize];
+            let other = &mut self.others[at];
             if same_run(other.record, record) {
                 if record > other.record {
                     other.record = record;
+                    if record > *first {
+                        std::mem::swap(first, &mut other.record);
+                    }
+                    see(&mut self.highest, record);
                 }
                 return;
             }
-            at = other.next;
-            runs += 1;
+            at = other.next as usize;
+            count += 1;
         }
-        self.runs += u32::from(runs < MOST_RUNS);
-        self.more.push(Best { record, next: first.next });
-        first.next = self.more.len() as u32 - 1;
+        see(&mut self.highest, record);
+        let lower = if record > *first { std::mem::replace(first, record) } else { record };
+        self.others.push(Other { record: lower, next: index_of(*others) as u32 });
+        *others = (self.others.len() as u32 - 1) | (count + 1).min(MANY) << INDEX_BITS;
+        self.further_runs += u32::from(count < MOST_OTHERS as u32);
     }
 
     /// Points taken in so far.
@@ -142,38 +187,49 @@ impl Columns {
 
     /// Heap bytes held.
     pub fn bytes(&self) -> usize {
-        SECTION_BLOCKS * size_of::<Option<Box<[Best; BLOCK_COLUMNS]>>>()
-            + self.occupied_blocks * size_of::<[Best; BLOCK_COLUMNS]>()
-            + (self.more.len() - 1) * size_of::<Best>()
+        size_of_val(&*self.strips)
+            + size_of_val(&*self.highest)
+            + self.occupied_strips * size_of::<Strip>()
+            + (self.others.len() - 1) * size_of::<Other>()
     }
 
     /// Where each part of the packed section starts.
     pub fn layout(&self) -> Layout {
-        Layout::new(self.runs, self.code())
+        let blocks = self.occupied_blocks.iter().map(|b| b.count_ones()).sum();
+        Layout::new(blocks, self.further_runs, self.code())
     }
 
     fn code(&self) -> HeightCode {
-        HeightCode::fit(self.lowest.0, self.highest.0)
+        match self.highest.iter().max() {
+            Some(&highest) if highest != 0 => HeightCode::fit(self.lowest.0, unbias(highest).0),
+            _ => HeightCode::fit(i32::MAX, i32::MIN + 1),
+        }
     }
 
-    /// Calls `each(x, y, records)` for every occupied column in block order; the records of a column are
-    /// in no particular order.
-    fn columns(&self, mut each: impl FnMut(u32, u32, &mut Vec<Record>)) {
-        let mut records = Vec::with_capacity(8);
-        let mask = (1 << BLOCK_LOG2) - 1;
-        for (b, block) in self.blocks.iter().enumerate() {
-            let Some(block) = block else { continue };
-            let (bx, by) = (b as u32 % BLOCKS_SIDE, b as u32 / BLOCKS_SIDE);
-            for (c, first) in block.iter().enumerate() {
-                if first.record.is_empty() {
-                    continue;
+    /// Highest record of each class.
+    pub fn highest_of(&self) -> HighestOf {
+        let present = self.highest.iter().enumerate().filter(|(_, h)| **h != 0);
+        present.map(|(key, &h)| ((key >> 1) as u8, key & 1 != 0, unbias(h))).collect()
+    }
+
+    /// Calls `each` with every record, and the index of its column.
+    fn records(&self, mut each: impl FnMut(u16, Record)) {
+        let strips = self.strips.iter().enumerate().filter_map(|(s, strip)| Some((s, strip.as_deref()?)));
+        for (s, strip) in strips {
+            for (b, block) in strip.iter().enumerate() {
+                for (c, first) in block.highest.iter().enumerate().filter(|(_, first)| !first.is_empty()) {
+                    let column = ((s * STRIP_BLOCKS + b) * BLOCK_COLUMNS + c) as u16;
+                    each(column, *first);
+                    self.chain(block.others[c]).for_each(|other| each(column, other));
                 }
-                records.clear();
-                records.extend(chain(*first, &self.more));
-                let c = c as u32;
-                each((bx << BLOCK_LOG2) + (c & mask), (by << BLOCK_LOG2) + (c >> BLOCK_LOG2), &mut records);
             }
         }
+    }
+
+    /// A column's further records.
+    fn chain(&self, others: u32) -> impl Iterator<Item = Record> {
+        let at = |index: usize| (index != 0).then(|| self.others[index]);
+        std::iter::successors(at(index_of(others)), move |other| at(other.next as usize)).map(|o| o.record)
     }
 
     /// Puts this section's records into `parent`, whose cells are twice as wide; (i, j) are this section's
@@ -183,11 +239,9 @@ impl Columns {
         let (x0, y0) = ((i & 1) as u32 * half, (j & 1) as u32 * half);
         parent.points += self.points;
         parent.lowest = parent.lowest.min(self.lowest);
-        parent.highest = parent.highest.max(self.highest);
-        self.columns(|x, y, records| {
-            for &record in records.iter() {
-                parent.insert(column_index(x0 + x / 2, y0 + y / 2), record);
-            }
+        self.records(|column, record| {
+            let [x, y] = column_at(column);
+            parent.insert(column_index(x0 + x / 2, y0 + y / 2), record);
         });
     }
 
@@ -195,240 +249,73 @@ impl Columns {
     pub fn pack(&self) -> Packed {
         let layout = self.layout();
         let mut words = vec![0; layout.words as usize];
-        let highest_of = self.pack_into(&mut words);
-        Packed { words, layout, points: self.points, highest_of }
+        self.pack_into(&mut words);
+        Packed { words, layout, points: self.points, highest_of: self.highest_of() }
     }
 
-    /// Packs the section into the front of `words`, which has room for [`Layout::words`]; gives the highest
-    /// record of each (class, withheld) present.
+    /// Packs the section into the front of `words`, which has room for [`Layout::words`].
     ///
     /// Each word is written once, front to back within each part, and none is read: the memory may be write-combined.
-    pub fn pack_into(&self, words: &mut [u32]) -> Vec<(u8, bool, Height)> {
+    pub fn pack_into(&self, words: &mut [u32]) {
         let layout = self.layout();
-        let (header, rest) = words[..layout.words as usize].split_at_mut(layout.blocks as usize);
-        let (first_runs, rest) = rest.split_at_mut(SECTION_BLOCKS);
-        let (counts, rest) = rest.split_at_mut(SECTION_COLUMNS / 4);
-        let (heights, attributes) = rest.split_at_mut((layout.attributes - layout.heights) as usize);
+        let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
+        let (places, rest) = rest.split_at_mut(2 * SECTION_BLOCKS);
+        let (blocks, others) = rest.split_at_mut((layout.blocks * BLOCK_WORDS) as usize);
         header.copy_from_slice(&layout.header());
-        let mut runs = Runs {
-            code: layout.code,
-            heights,
-            attributes: attributes.as_chunks_mut().0,
-            half: None,
-            written: 0,
-            highest: [0; 512],
-        };
-        let mut chains = Chains::default();
-        for ((block, first_run), counts) in
-            self.blocks.iter().zip(first_runs).zip(counts.as_chunks_mut::<{ BLOCK_COLUMNS / 4 }>().0)
-        {
-            *first_run = runs.written;
-            let of_column = match block {
-                None => [0; BLOCK_COLUMNS],
-                Some(block) => match runs.put_single(block) {
-                    Some(counts) => counts,
-                    None => chains.put(block, &self.more, &mut runs),
-                },
-            };
-            *counts =
-                std::array::from_fn(|w| u32::from_le_bytes(std::array::from_fn(|c| of_column[4 * w + c])));
-        }
-        runs.finish()
-    }
-}
-
-/// Writes runs one behind the other.
-struct Runs<'w> {
-    code: HeightCode,
-    /// What is left to write.
-    heights: &'w mut [u32],
-    attributes: &'w mut [[u32; 2]],
-    /// A code of 16 bits whose word is not full.
-    half: Option<u32>,
-    written: u32,
-    /// First word of the highest record of each class, withheld or not: `class << 1 | withheld`.
-    highest: [u32; 512],
-}
-
-impl Runs<'_> {
-    /// Writes a block if no column has more than one run; gives the counts.
-    #[inline]
-    fn put_single(&mut self, block: &[Best; BLOCK_COLUMNS]) -> Option<[u8; BLOCK_COLUMNS]> {
-        let mut heights = [0; BLOCK_COLUMNS];
-        let mut attributes = [[0; 2]; BLOCK_COLUMNS];
-        let mut counts = [0; BLOCK_COLUMNS];
-        let (mut n, mut chained) = (0, 0);
-        for (best, count) in block.iter().zip(&mut counts) {
-            let [h, w1, w2] = best.record.0;
-            // An empty column is written over by the next.
-            heights[n % BLOCK_COLUMNS] = h;
-            attributes[n % BLOCK_COLUMNS] = [w1, w2];
-            *count = u8::from(h != 0);
-            n += usize::from(h != 0);
-            chained |= best.next;
-        }
-        if chained != 0 {
-            return None;
-        }
-        self.put(&heights[..n], &attributes[..n]);
-        Some(counts)
-    }
-
-    /// Keeps the highest of each class.
-    #[inline]
-    fn see(&mut self, heights: &[u32], attributes: &[[u32; 2]]) {
-        const WITHHELD: u32 = FLAG_WITHHELD as u32;
-        for (&h, &[w1, w2]) in heights.iter().zip(attributes) {
-            let highest = &mut self.highest[(w1 >> 24 << 1 | u32::from(w2 & WITHHELD != 0)) as usize];
-            // Seldom stored, so that one point does not wait for the last.
-            if h > *highest {
-                *highest = h;
-            }
-        }
-    }
-
-    /// Writes runs: first words of their records, and the other two.
-    #[inline]
-    fn put(&mut self, mut heights: &[u32], attributes: &[[u32; 2]]) {
-        let n = heights.len();
-        self.see(heights, attributes);
-        self.written += n as u32;
-        let (to, rest) = std::mem::take(&mut self.attributes).split_at_mut(n);
-        to.copy_from_slice(attributes);
-        self.attributes = rest;
-
-        let base = bias(Height(self.code.base));
-        if self.code.wide {
-            let (to, rest) = std::mem::take(&mut self.heights).split_at_mut(n);
-            to.iter_mut().zip(heights).for_each(|(to, &h)| *to = h.wrapping_sub(base));
-            self.heights = rest;
-            return;
-        }
-        if let (Some(low), [first, others @ ..]) = (self.half, heights) {
-            let (to, rest) = std::mem::take(&mut self.heights).split_first_mut().expect("a word a pair");
-            *to = low | first.wrapping_sub(base) << 16;
-            (self.heights, self.half, heights) = (rest, None, others);
-        }
-        let (pairs, odd) = heights.as_chunks::<2>();
-        let (to, rest) = std::mem::take(&mut self.heights).split_at_mut(pairs.len());
-        for (to, &[low, high]) in to.iter_mut().zip(pairs) {
-            *to = low.wrapping_sub(base) | high.wrapping_sub(base) << 16;
-        }
-        self.heights = rest;
-        if let [h] = odd {
-            self.half = Some(h.wrapping_sub(base));
-        }
-    }
-
-    /// Writes what is left; gives the highest of each (class, withheld).
-    fn finish(self) -> Vec<(u8, bool, Height)> {
-        if let (Some(low), [last]) = (self.half, self.heights) {
-            *last = low;
-        }
-        let present = self.highest.iter().enumerate().filter(|(_, h)| **h != 0);
-        present.map(|(key, &h)| ((key >> 1) as u8, key & 1 != 0, Height((h ^ 0x8000_0000) as i32))).collect()
-    }
-}
-
-/// Runs of a column that are sorted without branches.
-const FEW_RUNS: usize = 4;
-
-/// Scratch for blocks with chains.
-struct Chains {
-    heights: [u32; BLOCK_COLUMNS * FEW_RUNS],
-    attributes: [[u32; 2]; BLOCK_COLUMNS * FEW_RUNS],
-    column: Vec<Record>,
-}
-
-impl Default for Chains {
-    fn default() -> Chains {
-        const MOST: usize = BLOCK_COLUMNS * FEW_RUNS;
-        Chains { heights: [0; MOST], attributes: [[0; 2]; MOST], column: Vec::new() }
-    }
-}
-
-impl Chains {
-    /// Writes a block; gives the counts.
-    fn put(&mut self, block: &[Best; BLOCK_COLUMNS], more: &[Best], runs: &mut Runs) -> [u8; BLOCK_COLUMNS] {
-        let mut n = 0;
-        let mut counts = [0; BLOCK_COLUMNS];
-        for (first, count) in block.iter().zip(&mut counts) {
-            if first.next == 0 {
-                // What is empty is written over by the next column.
-                let [h, w1, w2] = first.record.0;
-                self.heights[n] = h;
-                self.attributes[n] = [w1, w2];
-                *count = u8::from(h != 0);
-                n += usize::from(h != 0);
+        let mut blocks = blocks.as_chunks_mut::<{ BLOCK_WORDS as usize }>().0.iter_mut();
+        let mut others = others.as_chunks_mut::<3>().0.iter_mut();
+        let mut sorted = Vec::new();
+        let (mut at, mut written) = (FIRST_BLOCK, 0);
+        for (b, place) in places.as_chunks_mut::<2>().0.iter_mut().enumerate() {
+            if self.occupied_blocks[b / 64] >> (b % 64) & 1 == 0 {
+                *place = [0; 2];
                 continue;
             }
-            // The end of a chain is followed by itself, which is empty.
-            let second = more[first.next as usize];
-            if second.next == 0 {
-                // By far the most common chain.
-                let pair = [first.record, second.record];
-                let pair = if pair[0] < pair[1] { [pair[1], pair[0]] } else { pair };
-                for (k, Record([h, w1, w2])) in pair.into_iter().enumerate() {
-                    self.heights[n + k] = h;
-                    self.attributes[n + k] = [w1, w2];
+            let strip = self.strips[b / STRIP_BLOCKS].as_deref().expect("it holds a block that is not empty");
+            let block = &strip[b % STRIP_BLOCKS];
+            let to = blocks.next().expect("as many as are counted");
+            *place = [at, written];
+            at += BLOCK_WORDS;
+            let (records, counts) = to.split_at_mut(3 * BLOCK_COLUMNS);
+            records.copy_from_slice(bytemuck::cast_slice(&block.highest));
+            let mut of_column = block.others.map(|others| (others >> INDEX_BITS) as u8);
+            let mut put = |record: Record| *others.next().expect("as many as are counted") = record.0;
+            for eight in 0..BLOCK_COLUMNS / 8 {
+                // Few columns have others; a byte each.
+                let mut some = u64::from_le_bytes(of_column.as_chunks().0[eight]);
+                while some != 0 {
+                    let c = some.trailing_zeros() / 8;
+                    some &= !(0xFF << (8 * c));
+                    let c = 8 * eight + c as usize;
+                    if of_column[c] == 1 {
+                        put(self.others[index_of(block.others[c])].record);
+                    } else {
+                        sorted.clear();
+                        sorted.extend(self.chain(block.others[c]));
+                        sorted.sort_unstable_by(|a, b| b.cmp(a));
+                        sorted.truncate(MOST_OTHERS);
+                        of_column[c] = sorted.len() as u8;
+                        sorted.iter().for_each(|&record| put(record));
+                    }
+                    written += u32::from(of_column[c]);
                 }
-                *count = 2;
-                n += 2;
-                continue;
             }
-            let third = more[second.next as usize];
-            let fourth = more[third.next as usize];
-            if fourth.next != 0 {
-                runs.put(&self.heights[..n], &self.attributes[..n]);
-                n = 0;
-                *count = self.put_long(*first, more, runs);
-                continue;
+            for (to, four) in counts.iter_mut().zip(of_column.as_chunks().0) {
+                *to = u32::from_le_bytes(*four);
             }
-            let records = sorted([first, &second, &third, &fourth].map(|best| best.record.as_number()));
-            // What is empty comes last.
-            let of_column = n..n + FEW_RUNS;
-            let heights = &mut self.heights[of_column.clone()];
-            heights.iter_mut().zip(records).for_each(|(to, r)| *to = (r >> 64) as u32);
-            let attributes = &mut self.attributes[of_column];
-            attributes.iter_mut().zip(records).for_each(|(to, r)| *to = [(r >> 32) as u32, r as u32]);
-            let held = 2 + usize::from(second.next != 0) + usize::from(third.next != 0);
-            *count = held as u8;
-            n += held;
         }
-        runs.put(&self.heights[..n], &self.attributes[..n]);
-        counts
-    }
-
-    /// Writes a column with more than [`FEW_RUNS`]; gives its count.
-    #[cold]
-    fn put_long(&mut self, first: Best, more: &[Best], runs: &mut Runs) -> u8 {
-        self.column.clear();
-        self.column.extend(chain(first, more));
-        self.column.sort_unstable_by(|a, b| b.cmp(a));
-        let (kept, rest) = self.column.split_at(self.column.len().min(MOST_RUNS));
-        for record in kept {
-            runs.put(&record.0[..1], &[[record.0[1], record.0[2]]]);
-        }
-        for record in rest {
-            runs.see(&record.0[..1], &[[record.0[1], record.0[2]]]);
-        }
-        kept.len() as u8
     }
 }
 
-/// A sorting network: largest first.
+/// Keeps the highest of each class.
 #[inline]
-fn sorted(mut n: [u128; FEW_RUNS]) -> [u128; FEW_RUNS] {
-    for (a, b) in [(0, 1), (2, 3), (0, 2), (1, 3), (1, 2)] {
-        (n[a], n[b]) = if n[a] < n[b] { (n[b], n[a]) } else { (n[a], n[b]) };
+fn see(highest: &mut [u32; 512], record: Record) {
+    let withheld = u32::from(record.flags() & FLAG_WITHHELD != 0);
+    let highest = &mut highest[usize::from(record.class()) << 1 | withheld as usize];
+    // Seldom stored, so that one point does not wait for the last.
+    if record.0[0] > *highest {
+        *highest = record.0[0];
     }
-    n
-}
-
-/// Records of a column.
-fn chain(first: Best, more: &[Best]) -> impl Iterator<Item = Record> {
-    let next = |best: &Best| (best.next != 0).then(|| more[best.next as usize]);
-    std::iter::successors(Some(first), next).map(|best| best.record)
 }
 
 /// Height of a record that is not empty.
@@ -436,10 +323,10 @@ fn of_record(record: &Record) -> Height {
     record.height().expect("columns hold no empty records")
 }
 
-/// Most runs a column can hold on the device (its count is one byte). The highest are kept.
-const MOST_RUNS: usize = 255;
+/// Most runs of a column besides the highest on the device (their count is one byte). The highest are kept.
+const MOST_OTHERS: usize = 254;
 
-/// How a section stores heights: `code = h - base`, never 0 (0 says "no point"). Every height is kept to the
+/// How a section's derived part stores heights: `code = h - base`, never 0 (0 says "no point"). Every height is kept to the
 /// last lattice step, so what is seen does not depend on which section a column is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeightCode {
@@ -459,8 +346,8 @@ impl HeightCode {
         HeightCode { base: base.max(i32::MIN.into()) as i32, wide: spare < 0 }
     }
 
-    #[cfg(test)]
-    fn encode(self, height: Height) -> u32 {
+    /// The code of a height between the lowest and the highest.
+    pub fn encode(self, height: Height) -> u32 {
         (i64::from(height.0) - i64::from(self.base)) as u32
     }
 
@@ -472,24 +359,27 @@ impl HeightCode {
 
 /// Kind of payload: columns of runs. Others follow (stacks, points, walls); only shaders look at it.
 pub const KIND_COLUMNS: u32 = 1;
-/// Words of a payload's header: kind, words in all, code, base, runs, and where the parts start.
+/// Words of a payload's header: kind, words in all, code, base, blocks that are there, where the further runs start.
 pub const HEADER_WORDS: u32 = 16;
+/// Words of a block: three for the highest run of each column ([`Record`]; empty where the column is), then how many
+/// others each column has, a byte each.
+const BLOCK_WORDS: u32 = 3 * BLOCK_COLUMNS as u32 + BLOCK_COLUMNS as u32 / 4;
+/// Where the first block starts.
+const FIRST_BLOCK: u32 = HEADER_WORDS + 2 * SECTION_BLOCKS as u32;
 
-/// Where each part of what is uploaded of a section starts, in words from its start.
+/// Where each part of what is uploaded of a section starts, in words from its start. `shaders/section.glsl` has the same.
+///
+/// The header; two words for each of the 1,024 blocks, where it starts (0: it holds nothing) and how many further runs
+/// those before it have; the blocks; the further runs, three words each ([`Record`]), highest first, column by column
+/// in block order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
-    /// How heights are stored.
+    /// How derived heights are stored.
     pub code: HeightCode,
-    /// Runs in all columns.
-    pub runs: u32,
-    /// First run of each of the 1,024 blocks.
+    /// Blocks that hold anything.
     pub blocks: u32,
-    /// Runs in each column: one byte, in block order (block · 64 + column).
-    pub counts: u32,
-    /// Heights of runs: 16 or 32 bits each.
-    pub heights: u32,
-    /// Attributes of runs: two words each, `Record`'s second and third.
-    pub attributes: u32,
+    /// First further run.
+    pub others: u32,
     /// All words.
     pub words: u32,
 }
@@ -535,22 +425,16 @@ impl Derived {
 }
 
 impl Layout {
-    fn new(runs: u32, code: HeightCode) -> Layout {
-        let per_word = if code.wide { 1 } else { 2 };
-        let blocks = HEADER_WORDS;
-        let counts = blocks + SECTION_BLOCKS as u32;
-        let heights = counts + (SECTION_COLUMNS / 4) as u32;
-        let attributes = heights + runs.div_ceil(per_word);
-        let words = attributes + 2 * runs;
-        Layout { code, runs, blocks, counts, heights, attributes, words }
+    fn new(blocks: u32, further_runs: u32, code: HeightCode) -> Layout {
+        let others = FIRST_BLOCK + blocks * BLOCK_WORDS;
+        Layout { code, blocks, others, words: others + 3 * further_runs }
     }
 
     fn header(&self) -> [u32; HEADER_WORDS as usize] {
         let code = u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
         let mut header = [0; HEADER_WORDS as usize];
-        let parts = [self.blocks, self.counts, self.heights, self.attributes];
-        header[..5].copy_from_slice(&[KIND_COLUMNS, self.words, code, self.code.base as u32, self.runs]);
-        header[5..9].copy_from_slice(&parts);
+        let known = [KIND_COLUMNS, self.words, code, self.code.base as u32, self.blocks, self.others];
+        header[..known.len()].copy_from_slice(&known);
         header
     }
 
@@ -580,11 +464,39 @@ pub struct Packed {
     pub highest_of: HighestOf,
 }
 
+impl Packed {
+    /// Calls `each` for every column that holds anything, in block order: its [`column_index`], and its runs, highest
+    /// first.
+    pub fn columns(&self, mut each: impl FnMut(u16, &[Record])) {
+        let (places, rest) = self.words[HEADER_WORDS as usize..].split_at(2 * SECTION_BLOCKS);
+        let (_, further) = rest.split_at((self.layout.others - FIRST_BLOCK) as usize);
+        let further: &[Record] = bytemuck::cast_slice(further);
+        let mut runs = Vec::with_capacity(8);
+        for (b, &[at, first]) in places.as_chunks().0.iter().enumerate().filter(|(_, [at, _])| *at != 0) {
+            let block = &self.words[at as usize..][..BLOCK_WORDS as usize];
+            let (highest, counts) = block.split_at(3 * BLOCK_COLUMNS);
+            let mut next = first as usize;
+            let highest = bytemuck::cast_slice::<_, Record>(highest).iter();
+            for (c, (highest, &count)) in highest.zip(bytemuck::cast_slice::<_, u8>(counts)).enumerate() {
+                if highest.is_empty() {
+                    continue;
+                }
+                runs.clear();
+                runs.push(*highest);
+                runs.extend_from_slice(&further[next..next + usize::from(count)]);
+                next += usize::from(count);
+                each((b * BLOCK_COLUMNS + c) as u16, &runs);
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::attribute::Attributes;
     use proptest::prelude::*;
+    use std::collections::{BTreeMap, BTreeSet};
 
     fn record(h: i32, class: u8, flags: u8) -> Record {
         Record::pack(Attributes {
@@ -597,85 +509,89 @@ mod tests {
         })
     }
 
-    /// Packing as it is specified: in two passes over all columns, in any order of writes.
-    fn pack_plainly(columns: &Columns) -> (Vec<u32>, Vec<(u8, bool, Height)>) {
-        let mut runs = 0usize;
-        let mut highest_of = Vec::<(u8, bool, Height)>::new();
-        columns.columns(|_, _, records| {
-            runs += records.len().min(MOST_RUNS);
-            for record in records.iter() {
-                let height = of_record(record);
-                let withheld = record.flags() & FLAG_WITHHELD != 0;
-                match highest_of.iter_mut().find(|(c, w, _)| *c == record.class() && *w == withheld) {
-                    Some((_, _, h)) => *h = height.max(*h),
-                    None => highest_of.push((record.class(), withheld, height)),
-                }
+    type Point = (u32, u32, Record);
+
+    /// Packing as it is specified, from points: the words, and the runs of each column.
+    fn pack_plainly(points: &[Point]) -> (Vec<u32>, BTreeMap<u16, Vec<Record>>, HighestOf) {
+        let mut best = BTreeMap::<(u16, u8, bool), Record>::new();
+        let mut highest_of = BTreeMap::<(u8, bool), Height>::new();
+        for &(x, y, record) in points {
+            let withheld = record.flags() & FLAG_WITHHELD != 0;
+            let best = best.entry((column_index(x, y), record.class(), withheld)).or_insert(record);
+            *best = record.max(*best);
+            let highest = highest_of.entry((record.class(), withheld)).or_insert(Height(i32::MIN));
+            *highest = of_record(&record).max(*highest);
+        }
+        let mut columns = BTreeMap::<u16, Vec<Record>>::new();
+        best.into_iter().for_each(|((column, ..), record)| columns.entry(column).or_default().push(record));
+        for runs in columns.values_mut() {
+            runs.sort_unstable_by(|a, b| b.cmp(a));
+            runs.truncate(255);
+        }
+        let heights = || points.iter().map(|(_, _, record)| of_record(record).0);
+        let (lowest, highest) =
+            (heights().min().unwrap_or(i32::MAX), heights().max().unwrap_or(i32::MIN + 1));
+        let blocks: BTreeSet<_> = columns.keys().map(|column| column / 64).collect();
+        let further: Vec<_> = columns.values().flat_map(|runs| &runs[1..]).flat_map(|r| r.0).collect();
+        let code = HeightCode::fit(lowest, highest);
+        let layout = Layout::new(blocks.len() as u32, further.len() as u32 / 3, code);
+        let mut words = layout.header().to_vec();
+        words.resize(16 + 2 * 1024 + 208 * blocks.len(), 0);
+        let mut before = 0;
+        for (n, &block) in blocks.iter().enumerate() {
+            let at = 16 + 2 * 1024 + 208 * n;
+            words[16 + 2 * usize::from(block)] = at as u32;
+            words[16 + 2 * usize::from(block) + 1] = before;
+            for (column, runs) in columns.range(64 * block..=64 * block + 63) {
+                let c = usize::from(column % 64);
+                words[at + 3 * c..at + 3 * c + 3].copy_from_slice(&runs[0].0);
+                words[at + 192 + c / 4] |= (runs.len() as u32 - 1) << (8 * (c % 4));
+                before += runs.len() as u32 - 1;
             }
-        });
-        highest_of.sort();
-        let code = columns.code();
-        let layout = Layout::new(runs as u32, code);
-        let mut words = vec![0u32; layout.words as usize];
-        words[..HEADER_WORDS as usize].copy_from_slice(&layout.header());
-        let (mut run, mut next_block) = (0u32, 0usize);
-        columns.columns(|x, y, records| {
-            records.sort_unstable_by(|a, b| b.cmp(a));
-            records.truncate(MOST_RUNS);
-            let count_at = usize::from(column_index(x, y));
-            let block = count_at / BLOCK_COLUMNS;
-            if next_block <= block {
-                words[layout.blocks as usize..][next_block..=block].fill(run);
-                next_block = block + 1;
-            }
-            words[layout.counts as usize + count_at / 4] |= (records.len() as u32) << (8 * (count_at % 4));
-            for record in records.iter() {
-                let code_word = code.encode(of_record(record));
-                if code.wide {
-                    words[(layout.heights + run) as usize] = code_word;
-                } else {
-                    words[(layout.heights + run / 2) as usize] |= code_word << (16 * (run % 2));
-                }
-                let attributes = (layout.attributes + 2 * run) as usize;
-                words[attributes..attributes + 2].copy_from_slice(&record.0[1..]);
-                run += 1;
-            }
-        });
-        words[layout.blocks as usize..][next_block..SECTION_BLOCKS].fill(run);
-        (words, highest_of)
+        }
+        words.extend(further);
+        (words, columns, highest_of.into_iter().map(|((class, withheld), h)| (class, withheld, h)).collect())
     }
 
     /// Into memory that holds rubbish, which must be gone, and no further than it should.
-    fn check_packing(columns: &Columns) {
-        let (words, highest_of) = pack_plainly(columns);
+    fn check_packing(points: &[Point]) {
+        let mut section = Columns::default();
+        points.iter().for_each(|&(x, y, record)| section.add(x, y, record));
+        let (words, columns, highest_of) = pack_plainly(points);
+        assert_eq!(section.highest_of(), highest_of);
+        assert_eq!(section.layout().words as usize, words.len());
         for rubbish in [0xDEAD_BEEF, !0] {
             let mut ring = vec![rubbish; words.len() + 3];
-            assert_eq!(columns.pack_into(&mut ring), highest_of);
-            assert_eq!(columns.layout().words as usize, words.len());
+            section.pack_into(&mut ring);
             assert!(ring[..words.len()] == words);
             assert!(ring[words.len()..] == [rubbish; 3]);
         }
-        assert!(columns.pack().words == words);
+        let packed = section.pack();
+        assert!(packed.words == words);
+        let mut read = BTreeMap::new();
+        packed.columns(|column, runs| assert!(read.insert(column, runs.to_vec()).is_none()));
+        assert!(read == columns);
     }
 
     #[test]
     fn packing_is_as_specified_where_it_is_hard() {
-        check_packing(&Columns::default());
+        check_packing(&[]);
         // More runs than a count holds, in two columns: 512 of 256 classes, withheld or not.
-        let mut columns = Columns::default();
+        let mut points = Vec::new();
         for k in 0..512 {
             let r = record(k * 37 % 1009, (k % 256) as u8, if k < 256 { 0 } else { FLAG_WITHHELD });
-            columns.add(3, 200, r);
-            columns.add(77, 5, r);
-            columns.add(k as u32 % 256, 99, r);
+            points.extend([(3, 200, r), (77, 5, r), (k as u32 % 256, 99, r)]);
+            // As many as are counted with a column, and one more and less.
+            points.extend((126..=128).filter(|most| k <= *most).map(|most| (most as u32, 250, r)));
         }
-        assert_eq!(columns.layout().runs, 2 * 255 + 512);
-        check_packing(&columns);
+        check_packing(&points);
         // Every column once.
-        let mut full = Columns::default();
-        for k in 0..SECTION_COLUMNS as u32 {
-            full.add(k % 256, k / 256, record((k * 31 % 4001) as i32, 2, 0));
+        let full = |k: u32| (k % 256, k / 256, record((k * 31 % 4001) as i32, 2, 0));
+        check_packing(&(0..SECTION_COLUMNS as u32).map(full).collect::<Vec<_>>());
+        for at in 0..=u16::MAX {
+            let [x, y] = column_at(at);
+            assert_eq!(column_index(x, y), at);
         }
-        check_packing(&full);
     }
 
     proptest! {
@@ -687,11 +603,8 @@ mod tests {
             // 60 units of relief are 16 bits, 200 are not.
             step in prop::sample::select(vec![1, 30, 100]),
         ) {
-            let mut columns = Columns::default();
-            for (x, y, h, class, flags) in points {
-                columns.add(x % crowd, y % crowd, record(h * step, class, flags));
-            }
-            check_packing(&columns);
+            let point = |(x, y, h, class, flags)| (x % crowd, y % crowd, record(h * step, class, flags));
+            check_packing(&points.into_iter().map(point).collect::<Vec<_>>());
         }
     }
 
@@ -759,14 +672,10 @@ mod tests {
         columns.add(9, 8, record(900, 5, 0));
         columns.add(9, 8, record(500, 6, 0));
         columns.add(255, 255, record(50, 2, 0));
-        let packed = columns.pack();
-        let l = packed.layout;
-        let (block, column) = (33, 1);
-        assert_eq!(packed.words[l.blocks as usize + block], 0);
-        assert_eq!(packed.words[l.blocks as usize + SECTION_BLOCKS - 1], 3);
-        let count = packed.words[l.counts as usize + (block * 64 + column) / 4] >> (8 * (column % 4)) & 0xFF;
-        assert_eq!(count, 3);
-        let class = |run: u32| packed.words[(l.attributes + 2 * run) as usize] >> 24;
-        assert_eq!([class(0), class(1), class(2), class(3)], [5, 6, 2, 2]);
+        let mut seen = Vec::new();
+        columns.pack().columns(|at, runs| {
+            seen.push((column_at(at), runs.iter().map(|r| r.class()).collect::<Vec<_>>()))
+        });
+        assert_eq!(seen, [([9, 8], vec![5, 6, 2]), ([255, 255], vec![2])]);
     }
 }

@@ -4,7 +4,7 @@ use crate::attribute::{ColorTable, Record};
 use crate::coords::{Grid, Height, SECTION_SIDE, SectionKey};
 use crate::load::Loaded;
 use crate::render::camera::Bounds;
-use crate::section::{BLOCK_COLUMNS, BLOCK_LOG2, Columns, Packed};
+use crate::section::{Columns, Packed, column_at};
 use crate::source::FLAG_WITHHELD;
 use crate::stream::pool::slot_bytes;
 use crate::stream::scene::Visibility;
@@ -40,30 +40,13 @@ fn rgba(record: &Record, colors: &ColorTable) -> u32 {
 
 /// The visible top of every column of a packed section: column (y << 8 | x), record.
 fn tops(packed: &Packed, visibility: &Visibility, mut each: impl FnMut(usize, Record)) {
-    let (words, layout) = (&packed.words, &packed.layout);
-    let blocks_side = (SECTION_SIDE >> BLOCK_LOG2) as usize;
-    let counts: &[u8] = bytemuck::cast_slice(&words[layout.counts as usize..layout.heights as usize]);
-    let mut run = 0;
-    for (at, &count) in counts.iter().enumerate() {
-        let (block, inner) = (at / BLOCK_COLUMNS, at % BLOCK_COLUMNS);
-        let x = block % blocks_side * 8 + inner % 8;
-        let y = block / blocks_side * 8 + inner / 8;
-        let runs = run..run + u32::from(count);
-        run = runs.end;
-        for r in runs {
-            let code = if layout.code.wide {
-                words[(layout.heights + r) as usize]
-            } else {
-                words[(layout.heights + r / 2) as usize] >> (16 * (r % 2)) & 0xFFFF
-            };
-            let a = (layout.attributes + 2 * r) as usize;
-            let record = Record::of(layout.code.decode(code), [words[a], words[a + 1]]);
-            if visibility.shows(record.class(), record.flags() & FLAG_WITHHELD != 0) {
-                each(y << 8 | x, record);
-                break;
-            }
+    packed.columns(|column, runs| {
+        let shown = |r: &&Record| visibility.shows(r.class(), r.flags() & FLAG_WITHHELD != 0);
+        if let Some(&record) = runs.iter().find(shown) {
+            let [x, y] = column_at(column);
+            each((y << 8 | x) as usize, record);
         }
-    }
+    });
 }
 
 impl World {

@@ -5,7 +5,7 @@ use glam::{IVec2, ivec2};
 use lasray::attribute::{Attributes, ClassMask, Record};
 use lasray::coords::{HEIGHT_STEPS_PER_UNIT, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
-use lasray::section::{Columns, Derived, Packed, column_index};
+use lasray::section::{Columns, Derived, Packed, column_at};
 use lasray::source::FLAG_WITHHELD;
 use lasray::stream::pool::Access;
 use lasray::stream::scene::{Carried, ReadBack, Scene, Visibility};
@@ -53,37 +53,20 @@ fn section(i: i32, j: i32) -> Packed {
 type Tops = BTreeMap<(i32, i32), (u32, i32)>;
 
 fn tops(key: SectionKey, packed: &Packed, shown: &Visibility, carried: Carried, tops: &mut Tops) {
-    let (words, layout) = (&packed.words, packed.layout);
-    let counts: &[u8] = bytemuck::cast_slice(&words[layout.counts as usize..layout.heights as usize]);
-    let mut place = vec![(0, 0); SECTION_COLUMNS];
-    for (x, y) in (0..SECTION_SIDE).flat_map(|y| (0..SECTION_SIDE).map(move |x| (x, y))) {
-        place[usize::from(column_index(x, y))] = (key.i * SIDE + x as i32, key.j * SIDE + y as i32);
-    }
-    let mut first = 0;
-    for (&count, at) in counts.iter().zip(place) {
-        let mut runs = first..first + u32::from(count);
-        first = runs.end;
-        let record = |run: u32| {
-            let at = (layout.attributes + 2 * run) as usize;
-            Record::of(Height(0), [words[at], words[at + 1]])
-        };
-        let top =
-            runs.find(|&run| shown.shows(record(run).class(), record(run).flags() & FLAG_WITHHELD != 0));
-        if let Some(run) = top {
-            let code = match layout.code.wide {
-                true => words[(layout.heights + run) as usize],
-                false => words[(layout.heights + run / 2) as usize] >> (16 * (run % 2)) & 0xFFFF,
-            };
-            let Attributes { class, rgb: [r, g, b], intensity, returns, .. } =
-                record(run).unpack().expect("a run");
+    packed.columns(|column, runs| {
+        let top = runs.iter().find(|r| shown.shows(r.class(), r.flags() & FLAG_WITHHELD != 0));
+        if let Some(record) = top {
+            let Attributes { height, class, rgb: [r, g, b], intensity, returns, .. } =
+                record.unpack().expect("a run");
             let shows = match carried {
                 Carried::Colors => [r, g, b],
                 Carried::Values => [intensity as u8, (intensity >> 8) as u8, returns],
             };
             let shows = u32::from_le_bytes([shows[0], shows[1], shows[2], class]);
-            tops.insert(at, (shows, layout.code.decode(code).0));
+            let [x, y] = column_at(column).map(|v| v as i32);
+            tops.insert((key.i * SIDE + x, key.j * SIDE + y), (shows, height.0));
         }
-    }
+    });
 }
 
 /// Height and source of a hole.

@@ -4,13 +4,13 @@
 
 use crate::scene::{self, Data, MEASURED};
 use glam::DVec3;
-use lasray::attribute::{ClassMask, ColorMode, ColorTable};
+use lasray::attribute::{Attributes, ClassMask, ColorMode, ColorTable, Record};
 use lasray::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use lasray::gpu::{Edge, Gpu, Order};
 use lasray::render::camera::{Bounds, Camera, Projection};
 use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
-use lasray::section::Packed;
+use lasray::section::{Columns, Packed, column_at};
 use lasray::stream::pool::{Access, section_bytes};
 use lasray::stream::scene::{Scene, Visibility};
 use std::collections::BTreeMap;
@@ -75,17 +75,17 @@ impl Story {
         SectionKey { i: first.i + place % ACROSS, j: first.j + place / ACROSS, ..first }
     }
 
-    /// The section's payload, raised.
+    /// The section, raised.
     fn version(&self, raised: i32) -> Packed {
-        const BASE: usize = 3; // word of the header
-        let packed = &self.data.sections[0].1;
-        let mut words = packed.words.clone();
-        let mut layout = packed.layout;
-        layout.code.base += raised;
-        assert_eq!(words[BASE], packed.layout.code.base as u32);
-        words[BASE] = layout.code.base as u32;
-        let highest_of = packed.highest_of.iter().map(|&(c, w, h)| (c, w, Height(h.0 + raised)));
-        Packed { words, layout, points: packed.points, highest_of: highest_of.collect() }
+        let mut columns = Columns::default();
+        self.data.sections[0].1.columns(|at, runs| {
+            let [x, y] = column_at(at);
+            for run in runs {
+                let run = run.unpack().expect("a run");
+                columns.add(x, y, Record::pack(Attributes { height: Height(run.height.0 + raised), ..run }));
+            }
+        });
+        columns.pack()
     }
 
     /// Highest thing of the version that is not raised.
