@@ -2,7 +2,7 @@
 // Needs pool.glsl and section.glsl.
 
 struct Job {
-    uvec4 section; // its place; where its further runs start
+    uvec4 section; // its place; where counts and further runs start
     uvec4 near[9]; // derived parts of the 3x3 sections around, row by row from the south-west, [4] its own:
                    // where it starts (0: no section), base, 1 for wide codes
 };
@@ -31,10 +31,11 @@ layout(push_constant, scalar) uniform Push { uvec2 jobs; uvec2 derive; } push;
 layout(constant_id = 0) const bool WIDE = false; // codes of the sections take 32 bits
 
 // What is uploaded of a section, words from its start (src/section.rs): two words for each of its 8x8 blocks, where the
-// block starts (0: it holds nothing) and how many further runs those before it have. A block: the highest run of each
-// column, three words (height with its sign bit turned, 0: no point; attributes), then how many others each has, a byte.
-const uint BLOCKS = 16u;
-const uint COUNTS = 192u; // from a block's start
+// block starts (0: it holds nothing) and how many further runs those before it have; the blocks, three words for the
+// highest run of each column (height with its sign bit turned, 0: no point; attributes); how many other runs each column
+// has, a byte; the further runs, three words each.
+const uint PLACES = 16u;
+const uint FIRST_BLOCK = PLACES + 2048u;
 // First word of the western of a half block's two blocks.
 uint western_block(uint half_block, uint wide) {
     uint block = half_block >> 1u;

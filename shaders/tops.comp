@@ -13,7 +13,7 @@ layout(constant_id = 2) const bool BRIDGE = false; // bridge.comp follows
 
 uvec2 place, derived;
 uint base; // lattice height of code 0
-uint block, column, other;
+uint block, counts, column, other;
 bool values;
 uint measured = 0u;
 uvec4 visible_low, visible_high;
@@ -67,18 +67,19 @@ void main() {
     }
 
     uint west = western_block(half_block, IS_WIDE), before = 0u;
-    block = pool_load(place, BLOCKS + (half_block & ~1u));
+    block = pool_load(place, PLACES + (half_block & ~1u));
+    counts = section.z + (block - FIRST_BLOCK) / 12u;
     column = (half_block & 1u) * 32u;
     if (!ALL && block != 0u) {
         // Further runs of the blocks before, and of the half before.
         uint pairs = 0u;
         for (uint w = 0u; w < column / 4u; w++) {
-            uint four = pool_load(place, block + COUNTS + w);
+            uint four = pool_load(place, counts + w);
             pairs += (four & 0x00FF00FFu) + (four >> 8u & 0x00FF00FFu);
         }
-        before = pool_load(place, BLOCKS + (half_block | 1u)) + (pairs & 0xFFFFu) + (pairs >> 16u);
+        before = pool_load(place, PLACES + (half_block | 1u)) + (pairs & 0xFFFFu) + (pairs >> 16u);
     }
-    other = section.z + 3u * before;
+    other = section.w + 3u * before;
     // Two at a time, of one word where codes are narrow.
     for (uint two = 0u; two < 16u; two++) {
         uint first = west + (two >> 1u & 1u) * block_words(IS_WIDE), inner = (two >> 2u) * 4u + (two & 1u) * 2u;
@@ -88,9 +89,9 @@ void main() {
             pool_store(derived, to, 0u);
             pool_store(derived, to + 1u, 0u);
         } else {
-            uint counts = ALL ? 0u : pool_load(place, block + COUNTS + (column >> 2u)) >> (two & 1u) * 16u;
-            codes.x = next_column(counts & 0xFFu, to);
-            codes.y = next_column(counts >> 8u & 0xFFu, to + 1u);
+            uint others = ALL ? 0u : pool_load(place, counts + (column >> 2u)) >> (two & 1u) * 16u;
+            codes.x = next_column(others & 0xFFu, to);
+            codes.y = next_column(others >> 8u & 0xFFu, to + 1u);
         }
         store_two(derived, first, inner, codes);
     }

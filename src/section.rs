@@ -16,30 +16,14 @@ pub const BLOCK_COLUMNS: usize = 1 << (2 * BLOCK_LOG2);
 pub const SECTION_BLOCKS: usize = SECTION_COLUMNS / BLOCK_COLUMNS;
 /// Blocks on a section's side.
 const BLOCKS_SIDE: u32 = SECTION_SIDE >> BLOCK_LOG2;
-/// Blocks that are made at once, side by side: a page of memory, so that packing reads on without a jump.
-const STRIP_BLOCKS: usize = 4;
-/// Strips in a section.
-const STRIPS: usize = SECTION_BLOCKS / STRIP_BLOCKS;
-
-/// Columns side by side, row by row.
-struct Block {
-    /// The highest record of each column.
-    highest: [Record; BLOCK_COLUMNS],
-    /// Where each column's other classes are: bits 0-24 index into `Columns::others`, 0 where there are none; bits
-    /// 25-31 how many there are, [`MANY`] or more as that.
-    others: [u32; BLOCK_COLUMNS],
-}
-
-type Strip = [Block; STRIP_BLOCKS];
-
 /// Bits of an index into `Columns::others`: a column has at most 511.
 const INDEX_BITS: u32 = 25;
 /// Most others that are counted.
 const MANY: u32 = 127;
 
 #[inline]
-fn index_of(others: u32) -> usize {
-    (others & ((1 << INDEX_BITS) - 1)) as usize
+fn index_of(head: u32) -> usize {
+    (head & ((1 << INDEX_BITS) - 1)) as usize
 }
 
 /// The best record of a further class of a column.
@@ -59,16 +43,21 @@ fn same_run(a: Record, b: Record) -> bool {
 
 /// A section while points arrive: one best record for each column and class.
 ///
-/// Memory follows the occupied strips of 32×8 columns: 4 KiB each, 16 bytes for every further class of a column.
+/// Memory follows the pages that are touched: 16 bytes a column, 16 for every further class of one.
 pub struct Columns {
-    /// Row by row, 8 to a row.
-    strips: Box<[Option<Box<Strip>>; STRIPS]>,
+    /// The highest record of each column, in block order. Zeroed by the system, so that what no point fell on takes no
+    /// memory.
+    first: Box<[Record; SECTION_COLUMNS]>,
+    /// Where each column's other classes are: bits 0-24 index into `others`, 0 where there are none; bits 25-31 how
+    /// many there are, [`MANY`] or more as that.
+    heads: Box<[u32; SECTION_COLUMNS]>,
     /// Further classes of columns; the first is empty.
     others: Vec<Other>,
     points: u64,
-    occupied_strips: usize,
     /// A bit for each block that holds anything.
-    occupied_blocks: [u64; SECTION_BLOCKS / 64],
+    occupied: [u64; SECTION_BLOCKS / 64],
+    /// Pages of `first` and `heads` that are touched.
+    pages: u32,
     /// Further runs that the device will hold: at most [`MOST_OTHERS`] a column.
     further_runs: u32,
     /// First word of the highest record of each class, withheld or not: `class << 1 | withheld`; 0: none.
@@ -80,17 +69,21 @@ pub struct Columns {
 impl Default for Columns {
     fn default() -> Self {
         Columns {
-            strips: Box::new([const { None }; STRIPS]),
+            first: bytemuck::zeroed_box(),
+            heads: bytemuck::zeroed_box(),
             others: vec![Other { record: Record::EMPTY, next: 0 }],
             points: 0,
-            occupied_strips: 0,
-            occupied_blocks: [0; SECTION_BLOCKS / 64],
+            occupied: [0; SECTION_BLOCKS / 64],
+            pages: 0,
             further_runs: 0,
             highest: Box::new([0; 512]),
             lowest: Height(i32::MAX),
         }
     }
 }
+
+/// Blocks whose records fill three pages and whose heads fill one.
+const STRIP_BLOCKS: usize = 16;
 
 /// Index in block order (block · 64 + column in it) of the column at (x, y), both 0..256, counted from the south-west.
 #[inline]
@@ -131,21 +124,13 @@ impl Columns {
 
     #[inline]
     fn insert(&mut self, column: u16, record: Record) {
-        let (block, c) = (usize::from(column) / BLOCK_COLUMNS, usize::from(column) % BLOCK_COLUMNS);
-        let strip = match &mut self.strips[block / STRIP_BLOCKS] {
-            Some(strip) => strip,
-            empty => {
-                self.occupied_strips += 1;
-                const EMPTY: Block =
-                    Block { highest: [Record::EMPTY; BLOCK_COLUMNS], others: [0; BLOCK_COLUMNS] };
-                empty.insert(Box::new([EMPTY; STRIP_BLOCKS]))
-            }
-        };
-        let Block { highest: first, others } = &mut strip[block % STRIP_BLOCKS];
-        let (first, others) = (&mut first[c], &mut others[c]);
+        let block = usize::from(column) / BLOCK_COLUMNS;
+        if self.occupied[block / 64] >> (block % 64) & 1 == 0 {
+            self.occupy(block);
+        }
+        let (first, head) = (&mut self.first[usize::from(column)], &mut self.heads[usize::from(column)]);
         if first.is_empty() {
             *first = record;
-            self.occupied_blocks[block / 64] |= 1 << (block % 64);
             return see(&mut self.highest, record);
         }
         if same_run(*first, record) {
@@ -156,7 +141,7 @@ impl Columns {
             return;
         }
         // Further classes of a column hang in a chain; columns rarely hold more than three.
-        let mut at = index_of(*others);
+        let mut at = index_of(*head);
         let mut count = 0;
         while at != 0 {
             let other = &mut self.others[at];
@@ -175,9 +160,28 @@ impl Columns {
         }
         see(&mut self.highest, record);
         let lower = if record > *first { std::mem::replace(first, record) } else { record };
-        self.others.push(Other { record: lower, next: index_of(*others) as u32 });
-        *others = (self.others.len() as u32 - 1) | (count + 1).min(MANY) << INDEX_BITS;
+        self.others.push(Other { record: lower, next: index_of(*head) as u32 });
+        *head = (self.others.len() as u32 - 1) | (count + 1).min(MANY) << INDEX_BITS;
         self.further_runs += u32::from(count < MOST_OTHERS as u32);
+    }
+
+    /// Before anything of a block is read or written.
+    #[cold]
+    fn occupy(&mut self, block: usize) {
+        // A page that is read first is mapped twice, and every core told.
+        for column in [0, BLOCK_COLUMNS - 1] {
+            self.first[block * BLOCK_COLUMNS + column] = Record::EMPTY;
+        }
+        self.heads[block * BLOCK_COLUMNS] = 0;
+        let strip = |occupied: &[u64; SECTION_BLOCKS / 64]| {
+            occupied[block / 64] >> (block % 64 / STRIP_BLOCKS * STRIP_BLOCKS) & ((1 << STRIP_BLOCKS) - 1)
+        };
+        // Of the three pages of records, those that its blocks lie on.
+        let pages =
+            |strip: u64| [0x003F, 0x07E0, 0xFC00].iter().filter(|page| strip & **page != 0).count() as u32;
+        let before = strip(&self.occupied);
+        self.occupied[block / 64] |= 1 << (block % 64);
+        self.pages += pages(strip(&self.occupied)) - pages(before) + u32::from(before == 0);
     }
 
     /// Points taken in so far.
@@ -187,15 +191,14 @@ impl Columns {
 
     /// Heap bytes held.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.strips)
+        self.pages as usize * 4096
             + size_of_val(&*self.highest)
-            + self.occupied_strips * size_of::<Strip>()
             + (self.others.len() - 1) * size_of::<Other>()
     }
 
     /// Where each part of the packed section starts.
     pub fn layout(&self) -> Layout {
-        let blocks = self.occupied_blocks.iter().map(|b| b.count_ones()).sum();
+        let blocks = self.occupied.iter().map(|b| b.count_ones()).sum();
         Layout::new(blocks, self.further_runs, self.code())
     }
 
@@ -214,22 +217,22 @@ impl Columns {
 
     /// Calls `each` with every record, and the index of its column.
     fn records(&self, mut each: impl FnMut(u16, Record)) {
-        let strips = self.strips.iter().enumerate().filter_map(|(s, strip)| Some((s, strip.as_deref()?)));
-        for (s, strip) in strips {
-            for (b, block) in strip.iter().enumerate() {
-                for (c, first) in block.highest.iter().enumerate().filter(|(_, first)| !first.is_empty()) {
-                    let column = ((s * STRIP_BLOCKS + b) * BLOCK_COLUMNS + c) as u16;
-                    each(column, *first);
-                    self.chain(block.others[c]).for_each(|other| each(column, other));
-                }
+        for (b, block) in self.first.as_chunks::<BLOCK_COLUMNS>().0.iter().enumerate() {
+            if self.occupied[b / 64] >> (b % 64) & 1 == 0 {
+                continue;
+            }
+            for (c, first) in block.iter().enumerate().filter(|(_, first)| !first.is_empty()) {
+                let column = (b * BLOCK_COLUMNS + c) as u16;
+                each(column, *first);
+                self.chain(self.heads[usize::from(column)]).for_each(|other| each(column, other));
             }
         }
     }
 
     /// A column's further records.
-    fn chain(&self, others: u32) -> impl Iterator<Item = Record> {
+    fn chain(&self, head: u32) -> impl Iterator<Item = Record> {
         let at = |index: usize| (index != 0).then(|| self.others[index]);
-        std::iter::successors(at(index_of(others)), move |other| at(other.next as usize)).map(|o| o.record)
+        std::iter::successors(at(index_of(head)), move |other| at(other.next as usize)).map(|o| o.record)
     }
 
     /// Puts this section's records into `parent`, whose cells are twice as wide; (i, j) are this section's
@@ -260,50 +263,62 @@ impl Columns {
         let layout = self.layout();
         let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
         let (places, rest) = rest.split_at_mut(2 * SECTION_BLOCKS);
-        let (blocks, others) = rest.split_at_mut((layout.blocks * BLOCK_WORDS) as usize);
+        let (records, rest) = rest.split_at_mut(layout.blocks as usize * BLOCK_WORDS);
+        let (counts, others) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
         header.copy_from_slice(&layout.header());
-        let mut blocks = blocks.as_chunks_mut::<{ BLOCK_WORDS as usize }>().0.iter_mut();
+        let (mut records, mut counts) = (records, counts.as_chunks_mut::<COUNT_WORDS>().0.iter_mut());
         let mut others = others.as_chunks_mut::<3>().0.iter_mut();
         let mut sorted = Vec::new();
         let (mut at, mut written) = (FIRST_BLOCK, 0);
-        for (b, place) in places.as_chunks_mut::<2>().0.iter_mut().enumerate() {
-            if self.occupied_blocks[b / 64] >> (b % 64) & 1 == 0 {
-                *place = [0; 2];
+        let mut put = |record: Record| *others.next().expect("as many as are counted") = record.0;
+        let places = places.as_chunks_mut::<2>().0;
+        let mut b = 0;
+        while b < SECTION_BLOCKS {
+            let end = self.run_of_blocks(b);
+            if end == b {
+                places[b] = [0; 2];
+                b += 1;
                 continue;
             }
-            let strip = self.strips[b / STRIP_BLOCKS].as_deref().expect("it holds a block that is not empty");
-            let block = &strip[b % STRIP_BLOCKS];
-            let to = blocks.next().expect("as many as are counted");
-            *place = [at, written];
-            at += BLOCK_WORDS;
-            let (records, counts) = to.split_at_mut(3 * BLOCK_COLUMNS);
-            records.copy_from_slice(bytemuck::cast_slice(&block.highest));
-            let mut of_column = block.others.map(|others| (others >> INDEX_BITS) as u8);
-            let mut put = |record: Record| *others.next().expect("as many as are counted") = record.0;
-            for eight in 0..BLOCK_COLUMNS / 8 {
-                // Few columns have others; a byte each.
-                let mut some = u64::from_le_bytes(of_column.as_chunks().0[eight]);
-                while some != 0 {
-                    let c = some.trailing_zeros() / 8;
-                    some &= !(0xFF << (8 * c));
-                    let c = 8 * eight + c as usize;
-                    if of_column[c] == 1 {
-                        put(self.others[index_of(block.others[c])].record);
-                    } else {
-                        sorted.clear();
-                        sorted.extend(self.chain(block.others[c]));
-                        sorted.sort_unstable_by(|a, b| b.cmp(a));
-                        sorted.truncate(MOST_OTHERS);
-                        of_column[c] = sorted.len() as u8;
-                        sorted.iter().for_each(|&record| put(record));
+            let of_columns = b * BLOCK_COLUMNS..end * BLOCK_COLUMNS;
+            let (to, rest) = records.split_at_mut((end - b) * BLOCK_WORDS);
+            to.copy_from_slice(bytemuck::cast_slice(&self.first[of_columns.clone()]));
+            records = rest;
+            for (heads, place) in self.heads[of_columns].as_chunks().0.iter().zip(&mut places[b..end]) {
+                *place = [at, written];
+                at += BLOCK_WORDS as u32;
+                let heads: &[u32; BLOCK_COLUMNS] = heads;
+                let mut of_column = heads.map(|head| (head >> INDEX_BITS) as u8);
+                for eight in 0..BLOCK_COLUMNS / 8 {
+                    // Few columns have others; a byte each.
+                    let mut some = u64::from_le_bytes(of_column.as_chunks().0[eight]);
+                    while some != 0 {
+                        let c = some.trailing_zeros() / 8;
+                        some &= !(0xFF << (8 * c));
+                        let c = 8 * eight + c as usize;
+                        if of_column[c] == 1 {
+                            put(self.others[index_of(heads[c])].record);
+                        } else {
+                            sorted.clear();
+                            sorted.extend(self.chain(heads[c]));
+                            sorted.sort_unstable_by(|a, b| b.cmp(a));
+                            sorted.truncate(MOST_OTHERS);
+                            of_column[c] = sorted.len() as u8;
+                            sorted.iter().for_each(|&record| put(record));
+                        }
+                        written += u32::from(of_column[c]);
                     }
-                    written += u32::from(of_column[c]);
                 }
+                let to = counts.next().expect("as many as are counted");
+                *to = std::array::from_fn(|w| u32::from_le_bytes(of_column.as_chunks().0[w]));
             }
-            for (to, four) in counts.iter_mut().zip(of_column.as_chunks().0) {
-                *to = u32::from_le_bytes(*four);
-            }
+            b = end;
         }
+    }
+
+    /// The first block from `b` on that holds nothing.
+    fn run_of_blocks(&self, b: usize) -> usize {
+        (b..SECTION_BLOCKS).find(|b| self.occupied[b / 64] >> (b % 64) & 1 == 0).unwrap_or(SECTION_BLOCKS)
     }
 }
 
@@ -359,18 +374,19 @@ impl HeightCode {
 
 /// Kind of payload: columns of runs. Others follow (stacks, points, walls); only shaders look at it.
 pub const KIND_COLUMNS: u32 = 1;
-/// Words of a payload's header: kind, words in all, code, base, blocks that are there, where the further runs start.
+/// Words of a payload's header: kind, words in all, code, base, blocks that are there, where counts and further runs start.
 pub const HEADER_WORDS: u32 = 16;
-/// Words of a block: three for the highest run of each column ([`Record`]; empty where the column is), then how many
-/// others each column has, a byte each.
-const BLOCK_WORDS: u32 = 3 * BLOCK_COLUMNS as u32 + BLOCK_COLUMNS as u32 / 4;
+/// Words of a block: three for the highest run of each column ([`Record`]; empty where the column is).
+const BLOCK_WORDS: usize = 3 * BLOCK_COLUMNS;
+/// Words for how many other runs each column of a block has: a byte each.
+const COUNT_WORDS: usize = BLOCK_COLUMNS / 4;
 /// Where the first block starts.
 const FIRST_BLOCK: u32 = HEADER_WORDS + 2 * SECTION_BLOCKS as u32;
 
 /// Where each part of what is uploaded of a section starts, in words from its start. `shaders/section.glsl` has the same.
 ///
 /// The header; two words for each of the 1,024 blocks, where it starts (0: it holds nothing) and how many further runs
-/// those before it have; the blocks; the further runs, three words each ([`Record`]), highest first, column by column
+/// those before it have; the blocks; their counts, in the same order; the further runs, three words each ([`Record`]), highest first, column by column
 /// in block order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -378,6 +394,8 @@ pub struct Layout {
     pub code: HeightCode,
     /// Blocks that hold anything.
     pub blocks: u32,
+    /// Counts of the first block.
+    pub counts: u32,
     /// First further run.
     pub others: u32,
     /// All words.
@@ -426,15 +444,16 @@ impl Derived {
 
 impl Layout {
     fn new(blocks: u32, further_runs: u32, code: HeightCode) -> Layout {
-        let others = FIRST_BLOCK + blocks * BLOCK_WORDS;
-        Layout { code, blocks, others, words: others + 3 * further_runs }
+        let counts = FIRST_BLOCK + blocks * BLOCK_WORDS as u32;
+        let others = counts + blocks * COUNT_WORDS as u32;
+        Layout { code, blocks, counts, others, words: others + 3 * further_runs }
     }
 
     fn header(&self) -> [u32; HEADER_WORDS as usize] {
         let code = u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
         let mut header = [0; HEADER_WORDS as usize];
-        let known = [KIND_COLUMNS, self.words, code, self.code.base as u32, self.blocks, self.others];
-        header[..known.len()].copy_from_slice(&known);
+        header[..4].copy_from_slice(&[KIND_COLUMNS, self.words, code, self.code.base as u32]);
+        header[4..7].copy_from_slice(&[self.blocks, self.counts, self.others]);
         header
     }
 
@@ -468,16 +487,17 @@ impl Packed {
     /// Calls `each` for every column that holds anything, in block order: its [`column_index`], and its runs, highest
     /// first.
     pub fn columns(&self, mut each: impl FnMut(u16, &[Record])) {
-        let (places, rest) = self.words[HEADER_WORDS as usize..].split_at(2 * SECTION_BLOCKS);
-        let (_, further) = rest.split_at((self.layout.others - FIRST_BLOCK) as usize);
+        let (before, further) = self.words.split_at(self.layout.others as usize);
+        let (before, counts) = before.split_at(self.layout.counts as usize);
+        let (places, blocks) = before[HEADER_WORDS as usize..].split_at(2 * SECTION_BLOCKS);
         let further: &[Record] = bytemuck::cast_slice(further);
+        let counts: &[[u8; BLOCK_COLUMNS]] = bytemuck::cast_slice(counts);
+        let blocks: &[[Record; BLOCK_COLUMNS]] = bytemuck::cast_slice(blocks);
         let mut runs = Vec::with_capacity(8);
         for (b, &[at, first]) in places.as_chunks().0.iter().enumerate().filter(|(_, [at, _])| *at != 0) {
-            let block = &self.words[at as usize..][..BLOCK_WORDS as usize];
-            let (highest, counts) = block.split_at(3 * BLOCK_COLUMNS);
+            let n = (at - FIRST_BLOCK) as usize / BLOCK_WORDS;
             let mut next = first as usize;
-            let highest = bytemuck::cast_slice::<_, Record>(highest).iter();
-            for (c, (highest, &count)) in highest.zip(bytemuck::cast_slice::<_, u8>(counts)).enumerate() {
+            for (c, (highest, &count)) in blocks[n].iter().zip(&counts[n]).enumerate() {
                 if highest.is_empty() {
                     continue;
                 }
@@ -536,16 +556,17 @@ mod tests {
         let code = HeightCode::fit(lowest, highest);
         let layout = Layout::new(blocks.len() as u32, further.len() as u32 / 3, code);
         let mut words = layout.header().to_vec();
-        words.resize(16 + 2 * 1024 + 208 * blocks.len(), 0);
+        let first_counts = 16 + 2 * 1024 + 192 * blocks.len();
+        words.resize(first_counts + 16 * blocks.len(), 0);
         let mut before = 0;
         for (n, &block) in blocks.iter().enumerate() {
-            let at = 16 + 2 * 1024 + 208 * n;
+            let at = 16 + 2 * 1024 + 192 * n;
             words[16 + 2 * usize::from(block)] = at as u32;
             words[16 + 2 * usize::from(block) + 1] = before;
             for (column, runs) in columns.range(64 * block..=64 * block + 63) {
                 let c = usize::from(column % 64);
                 words[at + 3 * c..at + 3 * c + 3].copy_from_slice(&runs[0].0);
-                words[at + 192 + c / 4] |= (runs.len() as u32 - 1) << (8 * (c % 4));
+                words[first_counts + 16 * n + c / 4] |= (runs.len() as u32 - 1) << (8 * (c % 4));
                 before += runs.len() as u32 - 1;
             }
         }
@@ -606,6 +627,20 @@ mod tests {
             let point = |(x, y, h, class, flags)| (x % crowd, y % crowd, record(h * step, class, flags));
             check_packing(&points.into_iter().map(point).collect::<Vec<_>>());
         }
+    }
+
+    #[test]
+    fn bytes_are_those_of_the_pages_that_are_touched() {
+        let mut columns = Columns::default();
+        let mut pages = BTreeSet::new();
+        for k in 0..1500u32 {
+            let (x, y) = (k.wrapping_mul(2_654_435_761) >> 24, k.wrapping_mul(40_503) >> 3 & 0xFF);
+            columns.add(x, y, record(5, 2, 0));
+            let block = usize::from(column_index(x, y)) / BLOCK_COLUMNS;
+            pages.extend([(0, block * 768 / 4096), (0, (block * 768 + 767) / 4096), (1, block / 16)]);
+            assert_eq!(columns.bytes(), 2048 + 4096 * pages.len());
+        }
+        assert!(pages.len() > 200);
     }
 
     #[test]

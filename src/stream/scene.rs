@@ -572,7 +572,8 @@ impl Scene {
                 let mut near = around(*key).map(|near| newest(near).map_or([0; 4], derived));
                 near[4] = derived(version);
                 let [x, y] = self.pool.place(&version.slots.uploaded, 0);
-                let job = Job { section: [x, y, version.layout.others, 0], near };
+                let Layout { counts, others, .. } = version.layout;
+                let job = Job { section: [x, y, counts, others], near };
                 let all = version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w));
                 jobs.push(Task { job, wide: version.layout.code.wide, all });
             }
