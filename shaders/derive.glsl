@@ -36,6 +36,9 @@ layout(constant_id = 0) const bool WIDE = false; // codes of the sections take 3
 // has, a byte; the further runs, three words each.
 const uint PLACES = 16u;
 const uint FIRST_BLOCK = PLACES + 2048u;
+const uint BLOCK_WORDS = 192u;
+const uint COUNT_WORDS = 16u;
+
 // First word of the western of a half block's two blocks.
 uint western_block(uint half_block, uint wide) {
     uint block = half_block >> 1u;

@@ -1,4 +1,4 @@
-// Where a column's things are in a section's payload (src/section.rs).
+// Where a column's things are in what is derived of a section (src/section.rs).
 // Needs pool.glsl.
 
 const uint SECTION_LOG2 = 8u;
@@ -26,13 +26,6 @@ uint upper_level(uint level) { return (0x15554u & ~((1u << 18u - 2u * level) - 1
 // The block that a column is in, and the column in it.
 uint block_of(uvec2 column) { return (column.y >> BLOCK_LOG2) << BLOCKS_LOG2 | column.x >> BLOCK_LOG2; }
 uint in_block(uvec2 column) { return (column.y & 3u) << BLOCK_LOG2 | column.x & 3u; }
-
-// Code `index` of an array of 16-bit (or, if wide, 32-bit) codes that starts at word `start`.
-uint load_code(uvec2 place, uint start, uint index, bool wide) {
-    if (wide) return pool_load(place, start + index);
-    uint word = pool_load(place, start + (index >> 1u));
-    return (index & 1u) == 0u ? word & 0xFFFFu : word >> 16u;
-}
 
 // A section's pyramid and whether its codes are wide, from the table's word for both.
 uvec2 pyramid_place(uvec2 marked) { return uvec2(marked.x, marked.y & 0x7FFFFFFFu); }

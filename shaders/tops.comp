@@ -68,7 +68,7 @@ void main() {
 
     uint west = western_block(half_block, IS_WIDE), before = 0u;
     block = pool_load(place, PLACES + (half_block & ~1u));
-    counts = section.z + (block - FIRST_BLOCK) / 12u;
+    counts = section.z + (block - FIRST_BLOCK) / BLOCK_WORDS * COUNT_WORDS;
     column = (half_block & 1u) * 32u;
     if (!ALL && block != 0u) {
         // Further runs of the blocks before, and of the half before.

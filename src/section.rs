@@ -7,19 +7,22 @@
 use crate::attribute::{Record, unbias};
 use crate::coords::{Height, SECTION_COLUMNS, SECTION_LOG2, SECTION_SIDE};
 use crate::source::FLAG_WITHHELD;
+use memmap2::MmapMut;
 
 /// log2 of a block's side in columns.
-pub const BLOCK_LOG2: u32 = 3;
+const BLOCK_LOG2: u32 = 3;
 /// Columns in a block.
-pub const BLOCK_COLUMNS: usize = 1 << (2 * BLOCK_LOG2);
+const BLOCK_COLUMNS: usize = 1 << (2 * BLOCK_LOG2);
 /// Blocks in a section.
 pub const SECTION_BLOCKS: usize = SECTION_COLUMNS / BLOCK_COLUMNS;
 /// Blocks on a section's side.
 const BLOCKS_SIDE: u32 = SECTION_SIDE >> BLOCK_LOG2;
 /// Bits of an index into `Columns::others`: a column has at most 511.
 const INDEX_BITS: u32 = 25;
-/// Most others that are counted.
-const MANY: u32 = 127;
+/// Most others that are counted with the place; where there are as many, the chain tells.
+const MANY: u32 = (1 << (32 - INDEX_BITS)) - 1;
+// A class of a column is withheld or not.
+const _: () = assert!(SECTION_COLUMNS * (2 * 256 - 1) < 1 << INDEX_BITS);
 
 #[inline]
 fn index_of(head: u32) -> usize {
@@ -45,19 +48,13 @@ fn same_run(a: Record, b: Record) -> bool {
 ///
 /// Memory follows the pages that are touched: 16 bytes a column, 16 for every further class of one.
 pub struct Columns {
-    /// The highest record of each column, in block order. Zeroed by the system, so that what no point fell on takes no
-    /// memory.
-    first: Box<[Record; SECTION_COLUMNS]>,
-    /// Where each column's other classes are: bits 0-24 index into `others`, 0 where there are none; bits 25-31 how
-    /// many there are, [`MANY`] or more as that.
-    heads: Box<[u32; SECTION_COLUMNS]>,
+    pages: Pages,
     /// Further classes of columns; the first is empty.
     others: Vec<Other>,
     points: u64,
     /// A bit for each block that holds anything.
     occupied: [u64; SECTION_BLOCKS / 64],
-    /// Pages of `first` and `heads` that are touched.
-    pages: u32,
+    touched_pages: u32,
     /// Further runs that the device will hold: at most [`MOST_OTHERS`] a column.
     further_runs: u32,
     /// First word of the highest record of each class, withheld or not: `class << 1 | withheld`; 0: none.
@@ -69,12 +66,11 @@ pub struct Columns {
 impl Default for Columns {
     fn default() -> Self {
         Columns {
-            first: bytemuck::zeroed_box(),
-            heads: bytemuck::zeroed_box(),
+            pages: Pages::default(),
             others: vec![Other { record: Record::EMPTY, next: 0 }],
             points: 0,
             occupied: [0; SECTION_BLOCKS / 64],
-            pages: 0,
+            touched_pages: 0,
             further_runs: 0,
             highest: Box::new([0; 512]),
             lowest: Height(i32::MAX),
@@ -82,8 +78,43 @@ impl Default for Columns {
     }
 }
 
+/// Of each column, in block order: the highest record; behind all of them, where its other classes are: bits 0-24 index
+/// into `Columns::others`, 0 where there are none; bits 25-31 how many there are, [`MANY`] or more as that.
+///
+/// Pages of the system, which gives zeros, and memory only for what is touched.
+struct Pages(MmapMut);
+
+/// Columns and the bytes they have: of every column a record and a head.
+const RECORDS_BYTES: usize = size_of::<Record>() * SECTION_COLUMNS;
+const HEADS_BYTES: usize = size_of::<u32>() * SECTION_COLUMNS;
+/// Usual size of a page.
+const PAGE: usize = 4096;
 /// Blocks whose records fill three pages and whose heads fill one.
 const STRIP_BLOCKS: usize = 16;
+const _: () = assert!(STRIP_BLOCKS * BLOCK_COLUMNS * size_of::<Record>() == 3 * PAGE);
+
+impl Default for Pages {
+    fn default() -> Pages {
+        const BYTES: usize = RECORDS_BYTES + HEADS_BYTES;
+        // As where a box finds no memory.
+        let failed = |_| std::alloc::handle_alloc_error(std::alloc::Layout::new::<[u8; BYTES]>());
+        Pages(MmapMut::map_anon(BYTES).unwrap_or_else(failed))
+    }
+}
+
+impl Pages {
+    #[inline]
+    fn both(&self) -> (&[Record; SECTION_COLUMNS], &[u32; SECTION_COLUMNS]) {
+        let (records, heads) = self.0.split_at(RECORDS_BYTES);
+        (bytemuck::from_bytes(records), bytemuck::from_bytes(heads))
+    }
+
+    #[inline]
+    fn both_mut(&mut self) -> (&mut [Record; SECTION_COLUMNS], &mut [u32; SECTION_COLUMNS]) {
+        let (records, heads) = self.0.split_at_mut(RECORDS_BYTES);
+        (bytemuck::from_bytes_mut(records), bytemuck::from_bytes_mut(heads))
+    }
+}
 
 /// Index in block order (block · 64 + column in it) of the column at (x, y), both 0..256, counted from the south-west.
 #[inline]
@@ -125,10 +156,11 @@ impl Columns {
     #[inline]
     fn insert(&mut self, column: u16, record: Record) {
         let block = usize::from(column) / BLOCK_COLUMNS;
-        if self.occupied[block / 64] >> (block % 64) & 1 == 0 {
+        if !self.is_occupied(block) {
             self.occupy(block);
         }
-        let (first, head) = (&mut self.first[usize::from(column)], &mut self.heads[usize::from(column)]);
+        let (records, heads) = self.pages.both_mut();
+        let (first, head) = (&mut records[usize::from(column)], &mut heads[usize::from(column)]);
         if first.is_empty() {
             *first = record;
             return see(&mut self.highest, record);
@@ -165,14 +197,20 @@ impl Columns {
         self.further_runs += u32::from(count < MOST_OTHERS as u32);
     }
 
+    #[inline]
+    fn is_occupied(&self, block: usize) -> bool {
+        self.occupied[block / 64] >> (block % 64) & 1 != 0
+    }
+
     /// Before anything of a block is read or written.
     #[cold]
     fn occupy(&mut self, block: usize) {
         // A page that is read first is mapped twice, and every core told.
+        let (records, heads) = self.pages.both_mut();
         for column in [0, BLOCK_COLUMNS - 1] {
-            self.first[block * BLOCK_COLUMNS + column] = Record::EMPTY;
+            records[block * BLOCK_COLUMNS + column] = Record::EMPTY;
         }
-        self.heads[block * BLOCK_COLUMNS] = 0;
+        heads[block * BLOCK_COLUMNS] = 0;
         let strip = |occupied: &[u64; SECTION_BLOCKS / 64]| {
             occupied[block / 64] >> (block % 64 / STRIP_BLOCKS * STRIP_BLOCKS) & ((1 << STRIP_BLOCKS) - 1)
         };
@@ -181,7 +219,7 @@ impl Columns {
             |strip: u64| [0x003F, 0x07E0, 0xFC00].iter().filter(|page| strip & **page != 0).count() as u32;
         let before = strip(&self.occupied);
         self.occupied[block / 64] |= 1 << (block % 64);
-        self.pages += pages(strip(&self.occupied)) - pages(before) + u32::from(before == 0);
+        self.touched_pages += pages(strip(&self.occupied)) - pages(before) + u32::from(before == 0);
     }
 
     /// Points taken in so far.
@@ -189,9 +227,9 @@ impl Columns {
         self.points
     }
 
-    /// Heap bytes held.
+    /// Bytes held.
     pub fn bytes(&self) -> usize {
-        self.pages as usize * 4096
+        self.touched_pages as usize * PAGE
             + size_of_val(&*self.highest)
             + (self.others.len() - 1) * size_of::<Other>()
     }
@@ -203,28 +241,23 @@ impl Columns {
     }
 
     fn code(&self) -> HeightCode {
-        match self.highest.iter().max() {
-            Some(&highest) if highest != 0 => HeightCode::fit(self.lowest.0, unbias(highest).0),
-            _ => HeightCode::fit(i32::MAX, i32::MIN + 1),
-        }
+        let highest = self.highest.iter().fold(0, |highest, &h| h.max(highest));
+        HeightCode::fit(self.lowest.0, unbias(highest).0)
     }
 
-    /// Highest record of each class.
-    pub fn highest_of(&self) -> HighestOf {
+    /// Highest record of each (class, withheld) present.
+    fn highest_of(&self) -> HighestOf {
         let present = self.highest.iter().enumerate().filter(|(_, h)| **h != 0);
         present.map(|(key, &h)| ((key >> 1) as u8, key & 1 != 0, unbias(h))).collect()
     }
 
     /// Calls `each` with every record, and the index of its column.
     fn records(&self, mut each: impl FnMut(u16, Record)) {
-        for (b, block) in self.first.as_chunks::<BLOCK_COLUMNS>().0.iter().enumerate() {
-            if self.occupied[b / 64] >> (b % 64) & 1 == 0 {
-                continue;
-            }
-            for (c, first) in block.iter().enumerate().filter(|(_, first)| !first.is_empty()) {
-                let column = (b * BLOCK_COLUMNS + c) as u16;
-                each(column, *first);
-                self.chain(self.heads[usize::from(column)]).for_each(|other| each(column, other));
+        let (first, heads) = self.pages.both();
+        for b in (0..SECTION_BLOCKS).filter(|&b| self.is_occupied(b)) {
+            for c in (b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS).filter(|&c| !first[c].is_empty()) {
+                each(c as u16, first[c]);
+                self.chain(heads[c]).for_each(|other| each(c as u16, other));
             }
         }
     }
@@ -252,21 +285,24 @@ impl Columns {
     pub fn pack(&self) -> Packed {
         let layout = self.layout();
         let mut words = vec![0; layout.words as usize];
-        self.pack_into(&mut words);
-        Packed { words, layout, points: self.points, highest_of: self.highest_of() }
+        let highest_of = self.pack_into(&mut words);
+        Packed { words, layout, points: self.points, highest_of }
     }
 
-    /// Packs the section into the front of `words`, which has room for [`Layout::words`].
+    /// Packs the section into the front of `words`, which has room for [`Layout::words`]; gives the highest record of
+    /// each (class, withheld) present.
     ///
     /// Each word is written once, front to back within each part, and none is read: the memory may be write-combined.
-    pub fn pack_into(&self, words: &mut [u32]) {
+    pub fn pack_into(&self, words: &mut [u32]) -> HighestOf {
         let layout = self.layout();
         let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
         let (places, rest) = rest.split_at_mut(2 * SECTION_BLOCKS);
         let (records, rest) = rest.split_at_mut(layout.blocks as usize * BLOCK_WORDS);
         let (counts, others) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
         header.copy_from_slice(&layout.header());
-        let (mut records, mut counts) = (records, counts.as_chunks_mut::<COUNT_WORDS>().0.iter_mut());
+        let (first, heads) = self.pages.both();
+        let mut rest_of_records = records;
+        let mut counts = counts.as_chunks_mut::<COUNT_WORDS>().0.iter_mut();
         let mut others = others.as_chunks_mut::<3>().0.iter_mut();
         let mut sorted = Vec::new();
         let (mut at, mut written) = (FIRST_BLOCK, 0);
@@ -274,17 +310,17 @@ impl Columns {
         let places = places.as_chunks_mut::<2>().0;
         let mut b = 0;
         while b < SECTION_BLOCKS {
-            let end = self.run_of_blocks(b);
+            let end = self.end_of_occupied(b);
             if end == b {
                 places[b] = [0; 2];
                 b += 1;
                 continue;
             }
             let of_columns = b * BLOCK_COLUMNS..end * BLOCK_COLUMNS;
-            let (to, rest) = records.split_at_mut((end - b) * BLOCK_WORDS);
-            to.copy_from_slice(bytemuck::cast_slice(&self.first[of_columns.clone()]));
-            records = rest;
-            for (heads, place) in self.heads[of_columns].as_chunks().0.iter().zip(&mut places[b..end]) {
+            let (to, rest) = rest_of_records.split_at_mut((end - b) * BLOCK_WORDS);
+            to.copy_from_slice(bytemuck::cast_slice(&first[of_columns.clone()]));
+            rest_of_records = rest;
+            for (heads, place) in heads[of_columns].as_chunks().0.iter().zip(&mut places[b..end]) {
                 *place = [at, written];
                 at += BLOCK_WORDS as u32;
                 let heads: &[u32; BLOCK_COLUMNS] = heads;
@@ -314,19 +350,20 @@ impl Columns {
             }
             b = end;
         }
+        self.highest_of()
     }
 
     /// The first block from `b` on that holds nothing.
-    fn run_of_blocks(&self, b: usize) -> usize {
-        (b..SECTION_BLOCKS).find(|b| self.occupied[b / 64] >> (b % 64) & 1 == 0).unwrap_or(SECTION_BLOCKS)
+    fn end_of_occupied(&self, b: usize) -> usize {
+        (b..SECTION_BLOCKS).find(|&b| !self.is_occupied(b)).unwrap_or(SECTION_BLOCKS)
     }
 }
 
 /// Keeps the highest of each class.
 #[inline]
 fn see(highest: &mut [u32; 512], record: Record) {
-    let withheld = u32::from(record.flags() & FLAG_WITHHELD != 0);
-    let highest = &mut highest[usize::from(record.class()) << 1 | withheld as usize];
+    let withheld = usize::from(record.flags() & FLAG_WITHHELD != 0);
+    let highest = &mut highest[usize::from(record.class()) << 1 | withheld];
     // Seldom stored, so that one point does not wait for the last.
     if record.0[0] > *highest {
         *highest = record.0[0];
@@ -361,21 +398,21 @@ impl HeightCode {
         HeightCode { base: base.max(i32::MIN.into()) as i32, wide: spare < 0 }
     }
 
-    /// The code of a height between the lowest and the highest.
-    pub fn encode(self, height: Height) -> u32 {
+    #[cfg(test)]
+    fn encode(self, height: Height) -> u32 {
         (i64::from(height.0) - i64::from(self.base)) as u32
     }
 
-    /// The height that `code` stands for.
-    pub fn decode(self, code: u32) -> Height {
+    #[cfg(test)]
+    fn decode(self, code: u32) -> Height {
         Height((i64::from(self.base) + i64::from(code)) as i32)
     }
 }
 
-/// Kind of payload: columns of runs. Others follow (stacks, points, walls); only shaders look at it.
-pub const KIND_COLUMNS: u32 = 1;
+/// Kind of payload: columns of runs. Others follow (stacks, points, walls).
+const KIND_COLUMNS: u32 = 1;
 /// Words of a payload's header: kind, words in all, code, base, blocks that are there, where counts and further runs start.
-pub const HEADER_WORDS: u32 = 16;
+const HEADER_WORDS: u32 = 16;
 /// Words of a block: three for the highest run of each column ([`Record`]; empty where the column is).
 const BLOCK_WORDS: usize = 3 * BLOCK_COLUMNS;
 /// Words for how many other runs each column of a block has: a byte each.
@@ -383,7 +420,7 @@ const COUNT_WORDS: usize = BLOCK_COLUMNS / 4;
 /// Where the first block starts.
 const FIRST_BLOCK: u32 = HEADER_WORDS + 2 * SECTION_BLOCKS as u32;
 
-/// Where each part of what is uploaded of a section starts, in words from its start. `shaders/section.glsl` has the same.
+/// Where each part of what is uploaded of a section starts, in words from its start. `shaders/derive.glsl` has the same.
 ///
 /// The header; two words for each of the 1,024 blocks, where it starts (0: it holds nothing) and how many further runs
 /// those before it have; the blocks; their counts, in the same order; the further runs, three words each ([`Record`]), highest first, column by column
@@ -554,10 +591,12 @@ mod tests {
         let blocks: BTreeSet<_> = columns.keys().map(|column| column / 64).collect();
         let further: Vec<_> = columns.values().flat_map(|runs| &runs[1..]).flat_map(|r| r.0).collect();
         let code = HeightCode::fit(lowest, highest);
-        let layout = Layout::new(blocks.len() as u32, further.len() as u32 / 3, code);
-        let mut words = layout.header().to_vec();
-        let first_counts = 16 + 2 * 1024 + 192 * blocks.len();
-        words.resize(first_counts + 16 * blocks.len(), 0);
+        let counts_at = 16 + 2 * 1024 + 192 * blocks.len() as u32;
+        let others_at = counts_at + 16 * blocks.len() as u32;
+        let [wide, all] = [u32::from(code.wide), others_at + further.len() as u32];
+        let mut words = vec![1, all, 8 << 16 | wide << 8, code.base as u32];
+        words.extend([blocks.len() as u32, counts_at, others_at]);
+        words.resize(others_at as usize, 0);
         let mut before = 0;
         for (n, &block) in blocks.iter().enumerate() {
             let at = 16 + 2 * 1024 + 192 * n;
@@ -566,7 +605,7 @@ mod tests {
             for (column, runs) in columns.range(64 * block..=64 * block + 63) {
                 let c = usize::from(column % 64);
                 words[at + 3 * c..at + 3 * c + 3].copy_from_slice(&runs[0].0);
-                words[first_counts + 16 * n + c / 4] |= (runs.len() as u32 - 1) << (8 * (c % 4));
+                words[counts_at as usize + 16 * n + c / 4] |= (runs.len() as u32 - 1) << (8 * (c % 4));
                 before += runs.len() as u32 - 1;
             }
         }
@@ -579,11 +618,10 @@ mod tests {
         let mut section = Columns::default();
         points.iter().for_each(|&(x, y, record)| section.add(x, y, record));
         let (words, columns, highest_of) = pack_plainly(points);
-        assert_eq!(section.highest_of(), highest_of);
         assert_eq!(section.layout().words as usize, words.len());
         for rubbish in [0xDEAD_BEEF, !0] {
             let mut ring = vec![rubbish; words.len() + 3];
-            section.pack_into(&mut ring);
+            assert_eq!(section.pack_into(&mut ring), highest_of);
             assert!(ring[..words.len()] == words);
             assert!(ring[words.len()..] == [rubbish; 3]);
         }
@@ -701,7 +739,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_sorted_downward_and_reached_by_block() {
+    fn runs_are_sorted_downward() {
         let mut columns = Columns::default();
         columns.add(9, 8, record(100, 2, 0));
         columns.add(9, 8, record(900, 5, 0));

@@ -83,15 +83,14 @@ impl Pool {
                 self.wanted.insert(key);
                 continue;
             };
-            let at = ThreadTime::now();
-            let (layout, highest_of) = (columns.layout(), columns.highest_of());
-            ran += at.elapsed();
+            let layout = columns.layout();
             let mut put = |scene: &mut Scene| {
-                scene.upload_with(key, layout, highest_of.clone(), |words| {
+                scene.upload_with(key, layout, |words| {
                     let (from, at) = (Instant::now(), ThreadTime::now());
-                    columns.pack_into(words);
+                    let highest_of = columns.pack_into(words);
                     packing += from.elapsed();
                     ran += at.elapsed();
+                    highest_of
                 })
             };
             let mut room = put(&mut self.scene)?;

@@ -230,8 +230,10 @@ impl Scene {
     /// Starts to copy a section's new version; the old one, if any, stays named until this one is live.
     /// `false` when the pool has no room.
     pub fn upload(&mut self, key: SectionKey, packed: &Packed) -> Result<bool, GpuError> {
-        let highest_of = packed.highest_of.clone();
-        self.upload_with(key, packed.layout, highest_of, |words| words.copy_from_slice(&packed.words))
+        self.upload_with(key, packed.layout, |words| {
+            words.copy_from_slice(&packed.words);
+            packed.highest_of.clone()
+        })
     }
 
     /// The same with `write`, which is given the words that are uploaded, all of them to be written once and in
@@ -240,29 +242,31 @@ impl Scene {
         &mut self,
         key: SectionKey,
         layout: Layout,
-        highest_of: HighestOf,
-        write: impl FnOnce(&mut [u32]),
+        write: impl FnOnce(&mut [u32]) -> HighestOf,
     ) -> Result<bool, GpuError> {
         if self.staged.contains(&key) {
             self.flush()?;
         }
         let Some(slots) = self.slots(&layout)? else { return Ok(false) };
         let len = layout.uploaded_bytes();
-        if len <= RING_BYTES {
+        let highest_of = if len <= RING_BYTES {
             let from = self.ring_place(len)?;
-            self.ring.buffer().write_with(from, len, |bytes| write(bytemuck::cast_slice_mut(bytes)));
+            let highest_of =
+                self.ring.buffer().write_with(from, len, |bytes| write(bytemuck::cast_slice_mut(bytes)));
             self.stage(&slots.uploaded, 0, from, len)?;
+            highest_of
         } else {
             // A payload that is larger than the ring goes in pieces.
             let mut words = vec![0; layout.words as usize];
-            write(&mut words);
+            let highest_of = write(&mut words);
             let piece_bytes = RING_BYTES as usize / 2;
             for (piece, part) in bytemuck::cast_slice::<u32, u8>(&words).chunks(piece_bytes).enumerate() {
                 let from = self.ring_place(part.len() as u64)?;
                 self.ring.buffer().write(from, part);
                 self.stage(&slots.uploaded, (piece * piece_bytes) as u64, from, part.len() as u64)?;
             }
-        }
+            highest_of
+        };
         self.counters.section_bytes += len;
         self.counters.sections += 1;
         let version = Version { slots, layout, highest_of, state: State::Staged };

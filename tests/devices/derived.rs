@@ -19,6 +19,10 @@ fn section(i: i32, j: i32) -> Packed {
     let mut columns = Columns::default();
     for at in 0..SECTION_SIDE * SECTION_SIDE {
         let (x, y) = (at % SECTION_SIDE, at / SECTION_SIDE);
+        // Blocks that hold nothing.
+        if (x / 8 + y / 8) % 11 == 3 {
+            continue;
+        }
         let hash = |k: u32| (at ^ k << 17 ^ ((i * 5 + j + 9) as u32) << 22).wrapping_mul(2_654_435_761) >> 12;
         let mut add = |height: u32, class: u8, flags: u8| {
             let height = Height(height as i32);
@@ -37,6 +41,17 @@ fn section(i: i32, j: i32) -> Packed {
             add(9000 + hash(7) % 15000, 6, FLAG_WITHHELD);
         }
     }
+    // Long chains in the first and the second half of a block, the second with more than are kept.
+    for k in 0..300 {
+        let class = (k % 256) as u8;
+        let (rgb, flags) = ([k as u8; 3], if k < 256 { 0 } else { FLAG_WITHHELD });
+        let height = Height(9000 + k * 37 % 1009);
+        let record = Record::pack(Attributes { height, class, intensity: 3, rgb, returns: 0x21, flags });
+        if k < 200 {
+            columns.add(17, 1, record);
+        }
+        columns.add(18, 6, record);
+    }
     if (i + j) % 2 != 0 {
         let height = Height(300_000);
         let (rgb, returns) = ([1, 2, 3], 0x11);
@@ -45,6 +60,18 @@ fn section(i: i32, j: i32) -> Packed {
             90,
             Record::pack(Attributes { height, class: 2, intensity: 9, rgb, returns, flags: 0 }),
         );
+    }
+    columns.pack()
+}
+
+/// Every column measured.
+fn full() -> Packed {
+    let mut columns = Columns::default();
+    for at in 0..SECTION_SIDE * SECTION_SIDE {
+        let height = Height(20_000 + (at % 99) as i32);
+        let (rgb, returns) = ([5; 3], 0x11);
+        let attributes = Attributes { height, class: 5, intensity: 9, rgb, returns, flags: 0 };
+        columns.add(at % SECTION_SIDE, at / SECTION_SIDE, Record::pack(attributes));
     }
     columns.pack()
 }
@@ -156,6 +183,15 @@ fn derived_parts_are_as_specified() {
         for access in [Access::Address, Access::Texels, Access::StorageBuffer] {
             let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, shown, CELL).unwrap();
             let (one_by_one, together) = sections.split_at(4);
+            // Slots that were used before.
+            let full = full();
+            let keys: Vec<_> = sections.iter().map(|(key, _)| *key).collect();
+            for key in &keys {
+                assert!(scene.upload(*key, &full).unwrap());
+            }
+            scene.settle().unwrap();
+            scene.remove(&keys).unwrap();
+            scene.settle().unwrap();
             for (key, packed) in one_by_one {
                 assert!(scene.upload(*key, packed).unwrap());
                 scene.settle().unwrap();
