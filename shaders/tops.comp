@@ -53,6 +53,7 @@ void main() {
     uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x;
     uvec4 section = JOB[job].section;
     place = section.xy;
+    // Read whole: lavapipe gave a wrong third component when it was read by itself.
     uvec4 here = JOB[job].near[4];
     derived = here.xy;
     base = here.z;

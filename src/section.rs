@@ -1,7 +1,7 @@
 //! Points to columns to sections: what a section is on the host and, word for word, on the device.
 //!
-//! While points arrive a section is a sparse grid of 8×8 blocks ([`Columns`]); the winner of every
-//! (column, class) is kept by an order-free maximum. What is uploaded has the same blocks in the same order, so that
+//! While points arrive a section ([`Columns`]) keeps the winner of every (column, class) by an order-free maximum, columns
+//! in the order of 8×8 blocks. What is uploaded has those blocks that hold anything, in the same order, so that
 //! [`Columns::pack_into`] mostly copies.
 
 use crate::attribute::{Record, unbias};
@@ -84,10 +84,10 @@ impl Default for Columns {
 /// Pages of the system, which gives zeros, and memory only for what is touched.
 struct Pages(MmapMut);
 
-/// Columns and the bytes they have: of every column a record and a head.
+/// Bytes of the records of all columns, and of their heads behind them.
 const RECORDS_BYTES: usize = size_of::<Record>() * SECTION_COLUMNS;
 const HEADS_BYTES: usize = size_of::<u32>() * SECTION_COLUMNS;
-/// Usual size of a page.
+/// Usual size of a page. Where pages are larger, sparse sections hold more than is counted.
 const PAGE: usize = 4096;
 /// Blocks whose records fill three pages and whose heads fill one.
 const STRIP_BLOCKS: usize = 16;
@@ -378,8 +378,8 @@ fn of_record(record: &Record) -> Height {
 /// Most runs of a column besides the highest on the device (their count is one byte). The highest are kept.
 const MOST_OTHERS: usize = 254;
 
-/// How a section's derived part stores heights: `code = h - base`, never 0 (0 says "no point"). Every height is kept to the
-/// last lattice step, so what is seen does not depend on which section a column is in.
+/// How a section's derived part stores heights: `code = h - base`, never 0 (0 says "no point"). Every height is kept
+/// to the last lattice step, so what is seen does not depend on which section a column is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HeightCode {
     /// Lattice height of code 0.
@@ -420,7 +420,8 @@ const COUNT_WORDS: usize = BLOCK_COLUMNS / 4;
 /// Where the first block starts.
 const FIRST_BLOCK: u32 = HEADER_WORDS + 2 * SECTION_BLOCKS as u32;
 
-/// Where each part of what is uploaded of a section starts, in words from its start. `shaders/derive.glsl` has the same.
+/// Where each part of what is uploaded of a section starts, in words from its start. `shaders/derive.glsl` has the
+/// same.
 ///
 /// The header; two words for each of the 1,024 blocks, where it starts (0: it holds nothing) and how many further runs
 /// those before it have; the blocks; their counts, in the same order; the further runs, three words each ([`Record`]), highest first, column by column
