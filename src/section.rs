@@ -17,18 +17,6 @@ const BLOCK_COLUMNS: usize = 1 << (2 * BLOCK_LOG2);
 pub const SECTION_BLOCKS: usize = SECTION_COLUMNS / BLOCK_COLUMNS;
 /// Blocks on a section's side.
 const BLOCKS_SIDE: u32 = SECTION_SIDE >> BLOCK_LOG2;
-/// Bits of an index into `Columns::others`: a column has at most 511.
-const INDEX_BITS: u32 = 25;
-/// Most others that are counted with the place; where there are as many, the chain tells.
-const MANY: u32 = (1 << (32 - INDEX_BITS)) - 1;
-// A class of a column is withheld or not.
-const _: () = assert!(SECTION_COLUMNS * (2 * 256 - 1) < 1 << INDEX_BITS);
-
-#[inline]
-fn index_of(head: u32) -> usize {
-    (head & ((1 << INDEX_BITS) - 1)) as usize
-}
-
 /// The best record of a further class of a column.
 #[derive(Clone, Copy)]
 struct Other {
@@ -46,14 +34,17 @@ fn same_run(a: Record, b: Record) -> bool {
 
 /// A section while points arrive: one best record for each column and class.
 ///
-/// Memory follows the pages that are touched: 16 bytes a column, 16 for every further class of one.
+/// Memory follows the pages that are touched: 12 bytes a column, 5 where columns have further classes, 16 for each of
+/// those.
 pub struct Columns {
     pages: Pages,
     /// Further classes of columns; the first is empty.
     others: Vec<Other>,
     points: u64,
     /// A bit for each block that holds anything.
-    occupied: [u64; SECTION_BLOCKS / 64],
+    occupied: Blocks,
+    /// And for each in which a column has further classes.
+    chained: Blocks,
     touched_pages: u32,
     /// Further runs that the device will hold: at most [`MOST_OTHERS`] a column.
     further_runs: u32,
@@ -69,7 +60,8 @@ impl Default for Columns {
             pages: Pages::default(),
             others: vec![Other { record: Record::EMPTY, next: 0 }],
             points: 0,
-            occupied: [0; SECTION_BLOCKS / 64],
+            occupied: Blocks::default(),
+            chained: Blocks::default(),
             touched_pages: 0,
             further_runs: 0,
             highest: Box::new([0; 512]),
@@ -78,41 +70,75 @@ impl Default for Columns {
     }
 }
 
-/// Of each column, in block order: the highest record; behind all of them, where its other classes are: bits 0-24 index
-/// into `Columns::others`, 0 where there are none; bits 25-31 how many there are, [`MANY`] or more as that.
+/// A bit a block.
+#[derive(Clone, Copy, Default)]
+struct Blocks([u64; SECTION_BLOCKS / 64]);
+
+impl Blocks {
+    #[inline]
+    fn has(&self, block: usize) -> bool {
+        self.0[block / 64] >> (block % 64) & 1 != 0
+    }
+
+    fn insert(&mut self, block: usize) {
+        self.0[block / 64] |= 1 << (block % 64);
+    }
+
+    /// Those among the `n` (a power of two, 64 at most) that `block` is one of.
+    fn among(&self, block: usize, n: usize) -> u64 {
+        self.0[block / 64] >> (block % 64 / n * n) & (u64::MAX >> (64 - n))
+    }
+
+    fn count(&self) -> u32 {
+        self.0.iter().map(|bits| bits.count_ones()).sum()
+    }
+}
+
+/// Of each column, in block order: the highest record; behind all of them, index into `Columns::others` of its other
+/// classes, 0 where there are none; behind those, how many there are, [`MOST_OTHERS`] or more as that.
 ///
 /// Pages of the system, which gives zeros, and memory only for what is touched.
 struct Pages(MmapMut);
 
-/// Bytes of the records of all columns, and of their heads behind them.
+/// Bytes of the records of all columns, of their heads behind them, and of the counts.
 const RECORDS_BYTES: usize = size_of::<Record>() * SECTION_COLUMNS;
 const HEADS_BYTES: usize = size_of::<u32>() * SECTION_COLUMNS;
+const COUNTS_BYTES: usize = SECTION_COLUMNS;
 /// Usual size of a page. Where pages are larger, sparse sections hold more than is counted.
 const PAGE: usize = 4096;
 /// Blocks whose records fill three pages and whose heads fill one.
 const STRIP_BLOCKS: usize = 16;
 const _: () = assert!(STRIP_BLOCKS * BLOCK_COLUMNS * size_of::<Record>() == 3 * PAGE);
+/// Blocks whose counts fill one.
+const COUNTED_BLOCKS: usize = PAGE / BLOCK_COLUMNS;
 
 impl Default for Pages {
     fn default() -> Pages {
-        const BYTES: usize = RECORDS_BYTES + HEADS_BYTES;
+        const BYTES: usize = RECORDS_BYTES + HEADS_BYTES + COUNTS_BYTES;
         // As where a box finds no memory.
         let failed = |_| std::alloc::handle_alloc_error(std::alloc::Layout::new::<[u8; BYTES]>());
         Pages(MmapMut::map_anon(BYTES).unwrap_or_else(failed))
     }
 }
 
+type Planes<'a> = (&'a [Record; SECTION_COLUMNS], &'a [u32; SECTION_COLUMNS], &'a [u8; SECTION_COLUMNS]);
+type PlanesMut<'a> =
+    (&'a mut [Record; SECTION_COLUMNS], &'a mut [u32; SECTION_COLUMNS], &'a mut [u8; SECTION_COLUMNS]);
+
 impl Pages {
+    /// Records, heads, counts.
     #[inline]
-    fn both(&self) -> (&[Record; SECTION_COLUMNS], &[u32; SECTION_COLUMNS]) {
-        let (records, heads) = self.0.split_at(RECORDS_BYTES);
-        (bytemuck::from_bytes(records), bytemuck::from_bytes(heads))
+    fn planes(&self) -> Planes<'_> {
+        let (records, rest) = self.0.split_at(RECORDS_BYTES);
+        let (heads, counts) = rest.split_at(HEADS_BYTES);
+        (bytemuck::from_bytes(records), bytemuck::from_bytes(heads), bytemuck::from_bytes(counts))
     }
 
     #[inline]
-    fn both_mut(&mut self) -> (&mut [Record; SECTION_COLUMNS], &mut [u32; SECTION_COLUMNS]) {
-        let (records, heads) = self.0.split_at_mut(RECORDS_BYTES);
-        (bytemuck::from_bytes_mut(records), bytemuck::from_bytes_mut(heads))
+    fn planes_mut(&mut self) -> PlanesMut<'_> {
+        let (records, rest) = self.0.split_at_mut(RECORDS_BYTES);
+        let (heads, counts) = rest.split_at_mut(HEADS_BYTES);
+        (bytemuck::from_bytes_mut(records), bytemuck::from_bytes_mut(heads), bytemuck::from_bytes_mut(counts))
     }
 }
 
@@ -156,11 +182,11 @@ impl Columns {
     #[inline]
     fn insert(&mut self, column: u16, record: Record) {
         let block = usize::from(column) / BLOCK_COLUMNS;
-        if !self.is_occupied(block) {
+        if !self.occupied.has(block) {
             self.occupy(block);
         }
-        let (records, heads) = self.pages.both_mut();
-        let (first, head) = (&mut records[usize::from(column)], &mut heads[usize::from(column)]);
+        let (records, heads, counts) = self.pages.planes_mut();
+        let first = &mut records[usize::from(column)];
         if first.is_empty() {
             *first = record;
             return see(&mut self.highest, record);
@@ -173,8 +199,8 @@ impl Columns {
             return;
         }
         // Further classes of a column hang in a chain; columns rarely hold more than three.
-        let mut at = index_of(*head);
-        let mut count = 0;
+        let count = &mut counts[usize::from(column)];
+        let mut at = if *count == 0 { 0 } else { heads[usize::from(column)] as usize };
         while at != 0 {
             let other = &mut self.others[at];
             if same_run(other.record, record) {
@@ -188,38 +214,41 @@ impl Columns {
                 return;
             }
             at = other.next as usize;
-            count += 1;
         }
         see(&mut self.highest, record);
         let lower = if record > *first { std::mem::replace(first, record) } else { record };
-        self.others.push(Other { record: lower, next: index_of(*head) as u32 });
-        *head = (self.others.len() as u32 - 1) | (count + 1).min(MANY) << INDEX_BITS;
-        self.further_runs += u32::from(count < MOST_OTHERS as u32);
-    }
-
-    #[inline]
-    fn is_occupied(&self, block: usize) -> bool {
-        self.occupied[block / 64] >> (block % 64) & 1 != 0
+        let next = if *count == 0 { 0 } else { heads[usize::from(column)] };
+        if *count < MOST_OTHERS {
+            *count += 1;
+            self.further_runs += 1;
+        }
+        heads[usize::from(column)] = self.others.len() as u32;
+        self.others.push(Other { record: lower, next });
+        if !self.chained.has(block) {
+            let touched = |blocks: &Blocks| {
+                u32::from(blocks.among(block, STRIP_BLOCKS) != 0)
+                    + u32::from(blocks.among(block, COUNTED_BLOCKS) != 0)
+            };
+            let before = touched(&self.chained);
+            self.chained.insert(block);
+            self.touched_pages += touched(&self.chained) - before;
+        }
     }
 
     /// Before anything of a block is read or written.
     #[cold]
     fn occupy(&mut self, block: usize) {
         // A page that is read first is mapped twice, and every core told.
-        let (records, heads) = self.pages.both_mut();
+        let (records, ..) = self.pages.planes_mut();
         for column in [0, BLOCK_COLUMNS - 1] {
             records[block * BLOCK_COLUMNS + column] = Record::EMPTY;
         }
-        heads[block * BLOCK_COLUMNS] = 0;
-        let strip = |occupied: &[u64; SECTION_BLOCKS / 64]| {
-            occupied[block / 64] >> (block % 64 / STRIP_BLOCKS * STRIP_BLOCKS) & ((1 << STRIP_BLOCKS) - 1)
-        };
-        // Of the three pages of records, those that its blocks lie on.
+        // Of the three pages of records of a strip, those that its blocks lie on.
         let pages =
             |strip: u64| [0x003F, 0x07E0, 0xFC00].iter().filter(|page| strip & **page != 0).count() as u32;
-        let before = strip(&self.occupied);
-        self.occupied[block / 64] |= 1 << (block % 64);
-        self.touched_pages += pages(strip(&self.occupied)) - pages(before) + u32::from(before == 0);
+        let before = pages(self.occupied.among(block, STRIP_BLOCKS));
+        self.occupied.insert(block);
+        self.touched_pages += pages(self.occupied.among(block, STRIP_BLOCKS)) - before;
     }
 
     /// Points taken in so far.
@@ -236,8 +265,7 @@ impl Columns {
 
     /// Where each part of the packed section starts.
     pub fn layout(&self) -> Layout {
-        let blocks = self.occupied.iter().map(|b| b.count_ones()).sum();
-        Layout::new(blocks, self.further_runs, self.code())
+        Layout::new(self.occupied.count(), self.further_runs, self.code())
     }
 
     fn code(&self) -> HeightCode {
@@ -253,19 +281,21 @@ impl Columns {
 
     /// Calls `each` with every record, and the index of its column.
     fn records(&self, mut each: impl FnMut(u16, Record)) {
-        let (first, heads) = self.pages.both();
-        for b in (0..SECTION_BLOCKS).filter(|&b| self.is_occupied(b)) {
+        let (first, heads, counts) = self.pages.planes();
+        for b in (0..SECTION_BLOCKS).filter(|&b| self.occupied.has(b)) {
             for c in (b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS).filter(|&c| !first[c].is_empty()) {
                 each(c as u16, first[c]);
-                self.chain(heads[c]).for_each(|other| each(c as u16, other));
+                if counts[c] > 0 {
+                    self.chain(heads[c]).for_each(|other| each(c as u16, other));
+                }
             }
         }
     }
 
     /// A column's further records.
     fn chain(&self, head: u32) -> impl Iterator<Item = Record> {
-        let at = |index: usize| (index != 0).then(|| self.others[index]);
-        std::iter::successors(at(index_of(head)), move |other| at(other.next as usize)).map(|o| o.record)
+        let at = |index: u32| (index != 0).then(|| self.others[index as usize]);
+        std::iter::successors(at(head), move |other| at(other.next)).map(|o| o.record)
     }
 
     /// Puts this section's records into `parent`, whose cells are twice as wide; (i, j) are this section's
@@ -294,15 +324,20 @@ impl Columns {
     ///
     /// Each word is written once, front to back within each part, and none is read: the memory may be write-combined.
     pub fn pack_into(&self, words: &mut [u32]) -> HighestOf {
+        self.pack_with(words, <[u32]>::copy_from_slice)
+    }
+
+    /// The same, long stretches by `copy`.
+    pub fn pack_with(&self, words: &mut [u32], copy: impl Fn(&mut [u32], &[u32])) -> HighestOf {
         let layout = self.layout();
         let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
         let (places, rest) = rest.split_at_mut(2 * SECTION_BLOCKS);
         let (records, rest) = rest.split_at_mut(layout.blocks as usize * BLOCK_WORDS);
         let (counts, others) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
         header.copy_from_slice(&layout.header());
-        let (first, heads) = self.pages.both();
+        let (first, heads, of_columns) = self.pages.planes();
         let mut rest_of_records = records;
-        let mut counts = counts.as_chunks_mut::<COUNT_WORDS>().0.iter_mut();
+        let mut rest_of_counts = bytemuck::cast_slice_mut::<u32, u8>(counts);
         let mut others = others.as_chunks_mut::<3>().0.iter_mut();
         let mut sorted = Vec::new();
         let (mut at, mut written) = (FIRST_BLOCK, 0);
@@ -316,37 +351,39 @@ impl Columns {
                 b += 1;
                 continue;
             }
-            let of_columns = b * BLOCK_COLUMNS..end * BLOCK_COLUMNS;
+            let columns = b * BLOCK_COLUMNS..end * BLOCK_COLUMNS;
             let (to, rest) = rest_of_records.split_at_mut((end - b) * BLOCK_WORDS);
-            to.copy_from_slice(bytemuck::cast_slice(&first[of_columns.clone()]));
+            copy(to, bytemuck::cast_slice(&first[columns.clone()]));
             rest_of_records = rest;
-            for (heads, place) in heads[of_columns].as_chunks().0.iter().zip(&mut places[b..end]) {
+            let (to, rest) = rest_of_counts.split_at_mut(columns.len());
+            to.copy_from_slice(&of_columns[columns]);
+            rest_of_counts = rest;
+            for (b, place) in (b..end).zip(&mut places[b..end]) {
                 *place = [at, written];
                 at += BLOCK_WORDS as u32;
-                let heads: &[u32; BLOCK_COLUMNS] = heads;
-                let mut of_column = heads.map(|head| (head >> INDEX_BITS) as u8);
-                for eight in 0..BLOCK_COLUMNS / 8 {
+                if !self.chained.has(b) {
+                    continue;
+                }
+                for c in (b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS).step_by(8) {
                     // Few columns have others; a byte each.
-                    let mut some = u64::from_le_bytes(of_column.as_chunks().0[eight]);
+                    let mut some = u64::from_le_bytes(of_columns[c..].as_chunks().0[0]);
                     while some != 0 {
-                        let c = some.trailing_zeros() / 8;
-                        some &= !(0xFF << (8 * c));
-                        let c = 8 * eight + c as usize;
-                        if of_column[c] == 1 {
-                            put(self.others[index_of(heads[c])].record);
+                        let place = some.trailing_zeros() / 8;
+                        let count = (some >> (8 * place)) as u8;
+                        some &= !(0xFF << (8 * place));
+                        let head = heads[c + place as usize];
+                        if count == 1 {
+                            put(self.others[head as usize].record);
                         } else {
                             sorted.clear();
-                            sorted.extend(self.chain(heads[c]));
+                            sorted.extend(self.chain(head));
                             sorted.sort_unstable_by(|a, b| b.cmp(a));
-                            sorted.truncate(MOST_OTHERS);
-                            of_column[c] = sorted.len() as u8;
+                            sorted.truncate(count.into());
                             sorted.iter().for_each(|&record| put(record));
                         }
-                        written += u32::from(of_column[c]);
+                        written += u32::from(count);
                     }
                 }
-                let to = counts.next().expect("as many as are counted");
-                *to = std::array::from_fn(|w| u32::from_le_bytes(of_column.as_chunks().0[w]));
             }
             b = end;
         }
@@ -355,7 +392,7 @@ impl Columns {
 
     /// The first block from `b` on that holds nothing.
     fn end_of_occupied(&self, b: usize) -> usize {
-        (b..SECTION_BLOCKS).find(|&b| !self.is_occupied(b)).unwrap_or(SECTION_BLOCKS)
+        (b..SECTION_BLOCKS).find(|&b| !self.occupied.has(b)).unwrap_or(SECTION_BLOCKS)
     }
 }
 
@@ -376,7 +413,7 @@ fn of_record(record: &Record) -> Height {
 }
 
 /// Most runs of a column besides the highest on the device (their count is one byte). The highest are kept.
-const MOST_OTHERS: usize = 254;
+const MOST_OTHERS: u8 = 254;
 
 /// How a section's derived part stores heights: `code = h - base`, never 0 (0 says "no point"). Every height is kept
 /// to the last lattice step, so what is seen does not depend on which section a column is in.
@@ -672,12 +709,18 @@ mod tests {
     fn bytes_are_those_of_the_pages_that_are_touched() {
         let mut columns = Columns::default();
         let mut pages = BTreeSet::new();
+        let mut others = 0;
         for k in 0..1500u32 {
             let (x, y) = (k.wrapping_mul(2_654_435_761) >> 24, k.wrapping_mul(40_503) >> 3 & 0xFF);
             columns.add(x, y, record(5, 2, 0));
             let block = usize::from(column_index(x, y)) / BLOCK_COLUMNS;
-            pages.extend([(0, block * 768 / 4096), (0, (block * 768 + 767) / 4096), (1, block / 16)]);
-            assert_eq!(columns.bytes(), 2048 + 4096 * pages.len());
+            pages.extend([(0, block * 768 / 4096), (0, (block * 768 + 767) / 4096)]);
+            if k % 9 == 0 {
+                columns.add(x, y, record(5, 3, 0));
+                pages.extend([(1, block / 16), (2, block / 64)]);
+                others += 1;
+            }
+            assert_eq!(columns.bytes(), 2048 + 4096 * pages.len() + 16 * others);
         }
         assert!(pages.len() > 200);
     }

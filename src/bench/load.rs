@@ -146,7 +146,7 @@ fn ours(scene: &mut Scene, case: &Case, threads: usize) -> anyhow::Result<[f64; 
     for (key, columns) in &binned.sections {
         let room = scene.upload_with(*key, columns.layout(), |words| {
             let from = Instant::now();
-            let highest_of = columns.pack_into(words);
+            let highest_of = columns.pack_with(words, crate::gpu::stream_words);
             packing += from.elapsed();
             highest_of
         })?;

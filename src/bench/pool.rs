@@ -87,7 +87,7 @@ impl Pool {
             let mut put = |scene: &mut Scene| {
                 scene.upload_with(key, layout, |words| {
                     let (from, at) = (Instant::now(), ThreadTime::now());
-                    let highest_of = columns.pack_into(words);
+                    let highest_of = columns.pack_with(words, crate::gpu::stream_words);
                     packing += from.elapsed();
                     ran += at.elapsed();
                     highest_of

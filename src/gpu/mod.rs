@@ -18,7 +18,7 @@ mod timestamps;
 
 pub use command::{BufferCopy, Commands};
 pub use device::{DeviceInfo, DeviceKind, Gpu, GpuOptions, QueueKind, list_devices};
-pub use memory::{Buffer, MemoryKind};
+pub use memory::{Buffer, MemoryKind, stream_words};
 pub use order::{Edge, Event, Order};
 pub use pipeline::{Binding, BindingKind, ComputePipeline};
 pub use ring::UploadRing;
