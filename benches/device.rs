@@ -160,9 +160,9 @@ fn tracing(c: &mut Criterion) {
     };
     let loaded = load::paths(&[path], &options, &mut Problems::default()).expect("loaded");
     let gpu = gpu();
-    let (cell, bounds) = (loaded.grid.cell(), loaded.bounds);
+    let (cell, bounds) = (loaded.grid.cell(), loaded.about.bounds);
     let anchor = Height::from_units(bounds.center().z).expect("on the Earth");
-    let colors = ColorTable::new(loaded.color, &loaded.summary, None, None).expect("colours");
+    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, None, None).expect("colours");
     let mut scene =
         Scene::new(&gpu, |o: Order| o, Access::Address, 1 << 30, SHOWN(0), cell).expect("a scene");
     for (key, columns) in loaded.sections {

@@ -38,7 +38,7 @@ float top_of(inout Here here, int level, ivec2 node) {
             uint top = node_top(slot);
             if (is_section(top) && level < l) {
                 uvec2 pyramid = node_pyramid(slot);
-                here = Here(node >> l - level, slot, pyramid_place(pyramid), node_base(slot), l, l - int(SECTION_LOG2),
+                here = Here(node >> l - level, slot, pyramid_place(pyramid), node_base(slot), l, detail_of(slot),
                             pyramid_wide(pyramid));
                 break;
             }

@@ -53,7 +53,7 @@ void main() {
     beside = JOB[job].near[3 + i];
     above = JOB[job].near[3 * j + 1];
     across = JOB[job].near[3 * j + i];
-    int reach = int(DERIVE.bridge), steep = DERIVE.steep;
+    int reach = int(DERIVE.bridge), steep = int(JOB[job].slopes.x);
     uvec2 derived = here.xy;
     uint west = western_block(half_block, IS_WIDE);
 

@@ -5,6 +5,7 @@ struct Job {
     uvec4 section; // its place; where counts and further runs start
     uvec4 near[9]; // derived parts of the 3x3 sections around, row by row from the south-west, [4] its own:
                    // where it starts (0: no section), base, 1 for wide codes
+    uvec4 slopes;  // x: a gap between ends that differ by more than this a cell is no slope but an edge, lattice steps
 };
 
 struct Derive {
@@ -12,7 +13,6 @@ struct Derive {
     uint visible_withheld[8]; // the same for points with the withheld flag
     uint bridge;              // longest gap to bridge, cells; 0: none
     uint values;              // columns show intensity and returns instead of colours
-    int steep;                // a gap between ends that differ by more than this a cell is no slope but an edge, lattice steps
 };
 
 #ifdef POOL_SSBO

@@ -42,10 +42,11 @@ struct Frame {
 struct Node {
     uvec2 key;    // level << 26 | index east (26 bits), index north; NO_KEY: unused
     uint top;     // highest thing below, lattice steps from the anchor, rounded up: bits of a float, the last set for sections
-    uint meta;    // level | detail level << 16
-    uvec2 pyramid; // of its pyramid; the highest bit is set where codes are wide
+    uint meta;    // level | for sections: detail level, log2 of the side of a cell of what is shown here, << 16
+    uvec2 pyramid; // of the pyramid of the section shown here, which may reach farther than the node; the highest bit is
+                   // set where codes are wide
     int base;      // lattice height of code 0, from the anchor
-    uint beside[4]; // slots of the sections of its size to the east, west, north and south, or NO_NODE
+    uint beside[4]; // slots of the sections of its size and detail to the east, west, north and south, or NO_NODE
     uint pad[5];    // a cache line
 };
 const uint NO_KEY = 0xFFFFFFFFu;
@@ -129,6 +130,9 @@ uint find_node(uint level, ivec2 index) {
         if (there.x == NO_KEY) return NO_NODE;
     }
 }
+
+// Level of the finest cells of the section in `slot`.
+int detail_of(uint slot) { return int(node_meta(slot) >> 16u); }
 
 // Index of the node in `slot`.
 ivec2 index_of(uint slot) { return ivec2(int(node_key(slot).x << 6u) >> 6, int(node_key(slot).y)); }

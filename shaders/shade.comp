@@ -12,18 +12,39 @@
 
 layout(local_size_x_id = 0, local_size_y_id = 1) in;
 
-// The section that the last look-up was in: neighbours are nearly always in the same one.
+// The node of a section that the last look-up was in: neighbours are nearly always in the same one.
 struct Here {
-    ivec2 section;
+    ivec2 node;
     uint slot;
-    uint level; // log2 cells of its side
+    int level;  // log2 finest cells of its side
+    int detail; // and of a column's
+    int finer;  // levels that what is shown there is finer than that
 };
 
 void go_to(inout Here here, ivec2 column) {
-    ivec2 section = column >> int(SECTION_LOG2);
-    if (section == here.section) return;
-    here.section = section;
-    here.slot = find_node(here.level, section);
+    ivec2 node = column >> here.level - here.detail;
+    if (node == here.node) return;
+    here.node = node;
+    here.slot = find_node(uint(here.level), node);
+    here.finer = 0;
+    if (here.slot != NO_NODE && is_section(node_top(here.slot)) && detail_of(here.slot) == here.detail) return;
+    // Another size or detail begins here: from the largest section that the column may be part of on down.
+    here.slot = NO_NODE;
+    for (int l = frame.section_level; l >= int(SECTION_LOG2); l--) {
+        int up = l - here.detail;
+        if (up < 0) break;
+        uint slot = find_node(uint(l), column >> up);
+        if (slot == NO_NODE) {
+            if (l < here.level) break;
+            continue;
+        }
+        if (!is_section(node_top(slot))) continue;
+        here.slot = slot;
+        here.finer = here.detail - detail_of(slot);
+        // Smaller ones are looked up for each column.
+        if (l < here.level) here.node = ivec2(0x7FFFFFFF);
+        break;
+    }
 }
 
 // Top of `column` (cells of this detail level), lattice steps from the anchor; false where there is none.
@@ -31,7 +52,10 @@ bool top_at(inout Here here, ivec2 column, out float top) {
     go_to(here, column);
     if (here.slot == NO_NODE) return false;
     uvec2 pyramid = node_pyramid(here.slot);
-    uint code = pyramid_code(pyramid_place(pyramid), 0u, uvec2(column) & (SECTION_SIDE - 1u), pyramid_wide(pyramid));
+    // A node of the pyramid as large as the column, or the larger column around it.
+    uint level = uint(max(here.finer, 0));
+    uvec2 inner = uvec2(column >> max(-here.finer, 0)) & ((SECTION_SIDE >> level) - 1u);
+    uint code = pyramid_code(pyramid_place(pyramid), level, inner, pyramid_wide(pyramid));
     top = float(node_base(here.slot) + int(code));
     return code != 0u;
 }
@@ -97,11 +121,11 @@ void main() {
         color = background(ray.world);
     } else {
         uint meta = node_meta(hit.y);
-        int detail = int(meta >> 16u & 0xFFu);
+        int detail = int(meta >> 16u), level = int(meta & 0xFFFFu);
         uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
         uint face = hit.z >> 16u & 7u;
-        Here here = Here(index_of(hit.y), hit.y, meta & 0xFFu);
-        ivec2 column = index_of(hit.y) * int(SECTION_SIDE) + ivec2(inner);
+        Here here = Here(index_of(hit.y), hit.y, level, detail, 0);
+        ivec2 column = (index_of(hit.y) >> detail + int(SECTION_LOG2) - level) * int(SECTION_SIDE) + ivec2(inner);
 
         uint shows = shown_at(hit.y, inner);
         float top = float(int(hit.w));

@@ -123,8 +123,8 @@ Hit trace(Ray ray, float start, int level) {
         }
         if (done) break;
 
-        // Neighbours of the same size are as fine.
-        int ceiling = level, finest = level - int(SECTION_LOG2);
+        // A node of a section that reaches farther ends where the node does.
+        int ceiling = level, finest = detail_of(hit.slot);
         if (first < ceiling) {
             level = max(first, finest);
             node = cell >> level;

@@ -5,11 +5,11 @@ use crate::attribute::ColorMode;
 use crate::coords::{CELL_LIMIT, Grid, SectionKey, tidy};
 use crate::problems::Problems;
 use crate::render::camera::Bounds;
-use crate::sample::{self, Opened, RgbDepth};
+use crate::sample::{self, FileSample, Opened, RgbDepth};
 use crate::section::Columns;
 use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
 use crate::source::{crs::Crs, crs::Unit, inputs};
-use crate::stream::bins::{Binner, Bins, Budget, Meaning};
+use crate::stream::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::stream::workers::{Input, Progress, read_all};
 use crate::synth;
 use glam::DVec3;
@@ -77,20 +77,10 @@ pub enum LoadError {
 pub struct Loaded {
     /// The grid that the sections lie on.
     pub grid: Grid,
+    /// What is known of the whole.
+    pub about: About,
     /// In key order.
     pub sections: Vec<(SectionKey, Columns)>,
-    /// Without stray points: what is framed.
-    pub bounds: Bounds,
-    /// What colours are chosen by.
-    pub summary: AttributeSummary,
-    /// What `--color auto` comes to.
-    pub color: ColorMode,
-    /// The data's coordinate system.
-    pub crs: Option<Crs>,
-    /// Unit of E, N and U.
-    pub unit: Option<Unit>,
-    /// File coordinates to world coordinates, of the first file.
-    pub placement: Placement,
     /// Points binned.
     pub points: u64,
 }
@@ -127,20 +117,21 @@ pub(crate) fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
         }
     }
     // A multiple that stays one of a section's side through every coarsening.
-    const ANCHOR: f64 = (1 << 24) as f64;
+    const ANCHOR: f64 = (1 << 28) as f64;
     let middle = bounds.center();
     let anchor = [middle.x, middle.y].map(|v| ((v / cell) / ANCHOR).floor() as i64 * ANCHOR as i64);
     Ok(Grid { base_cell: cell, coarsen: 0, anchor })
 }
 
 /// Cells that the data lies in: the bounds, and as much again on every side.
-pub(crate) fn core(cell: f64, bounds: &Bounds) -> [std::ops::Range<i64>; 2] {
+pub(crate) fn core(cell: f64, bounds: &Bounds) -> Core {
     let size = (bounds.max - bounds.min).truncate().max_element().max(1000.0 * cell);
     [(bounds.min.x, bounds.max.x), (bounds.min.y, bounds.max.y)]
         .map(|(lo, hi)| ((lo - size) / cell).floor() as i64..((hi + size) / cell).ceil() as i64)
 }
 
-fn threads() -> usize {
+/// Threads to read with.
+pub fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
@@ -167,6 +158,42 @@ pub fn files(
 
 /// Opens and reads `paths`.
 pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
+    let Opening { inputs, grid, core, about } = open(paths, options, problems)?;
+    let bins = Bins::new(grid, core, options.budget);
+    let total = inputs.iter().map(|i| i.input.file.points()).sum();
+    let inputs: Vec<_> = inputs.into_iter().map(|i| i.input).collect();
+    let progress = Progress::default();
+    let errors = watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &progress));
+    errors.iter().for_each(|error| problems.error(error));
+    finish(bins, about, progress.points.into_inner(), options, problems)
+}
+
+/// A file that is to be read, and where.
+pub struct OpenInput {
+    /// How to read it.
+    pub input: Input,
+    /// World box without stray points.
+    pub bounds: Option<sample::Bounds>,
+    /// World box that no point lies outside of, where that is known.
+    pub reach: Option<sample::Bounds>,
+    /// Points lie in the nodes that a COPC hierarchy has them in.
+    pub in_nodes: bool,
+}
+
+/// Files that are open, and all that is decided before they are read.
+pub struct Opening {
+    /// The files that are drawn.
+    pub inputs: Vec<OpenInput>,
+    /// The grid of everything.
+    pub grid: Grid,
+    /// Cells that the data is believed to lie in.
+    pub core: Core,
+    /// What is known of the whole.
+    pub about: About,
+}
+
+/// Opens `paths` and takes the opening sample.
+pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Opening, LoadError> {
     let mut opened = Vec::new();
     for result in sample::open_all(paths) {
         match result {
@@ -229,21 +256,25 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
                 (_, Some(_)) => RgbDepth::Sixteen,
                 (chosen, None) => chosen,
             };
-            inputs.push(Input { file: opened.file, placement, rgb });
+            let FileSample { bounds, reach, in_nodes, .. } = sample.files[index];
+            let input = Input { file: opened.file, placement, rgb };
+            inputs.push(OpenInput { input, bounds, reach, in_nodes });
         }
     }
-    let bins = Bins::new(grid(cell, &bounds)?, core(cell, &bounds), options.budget);
-    let total = inputs.iter().map(|i| i.file.points()).sum();
-    let progress = Progress::default();
-    let errors = watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &progress));
-    errors.iter().for_each(|error| problems.error(error));
-    let points = progress.points.into_inner();
-    let summary = sample.attributes;
-    let color = ColorMode::auto(&summary);
-    let placement = inputs.first().map_or(Placement::AsIs, |i| i.placement);
-    let (crs, unit) = (sample.world.crs, sample.world.unit);
-    let about = About { subject, bounds, summary, color, crs, unit, placement, points, cell };
-    finish(bins, about, options, problems)
+    let color = ColorMode::auto(&sample.attributes);
+    let placement = inputs.first().map_or(Placement::AsIs, |i| i.input.placement);
+    let about = About {
+        subject,
+        bounds,
+        summary: sample.attributes,
+        classes: sample.classes,
+        color,
+        crs: sample.world.crs,
+        unit: sample.world.unit,
+        placement,
+        cell,
+    };
+    Ok(Opening { inputs, grid: grid(cell, &bounds)?, core: core(cell, &bounds), about })
 }
 
 /// The embedded scene: the synthetic town, made in memory.
@@ -322,34 +353,44 @@ pub fn tiles_of(
     let about = About {
         subject: String::new(),
         bounds,
+        classes: summary.classes.clone(),
         summary,
         color: ColorMode::Rgb,
         crs: None,
         unit,
         placement: Placement::AsIs,
-        points,
         cell,
     };
-    finish(bins, about, options, problems)
+    finish(bins, about, points, options, problems)
 }
 
-/// What is known beside the sections.
-struct About {
+/// What is known of the whole before it is read.
+#[derive(Clone)]
+pub struct About {
     /// What stands before a warning.
     subject: String,
-    bounds: Bounds,
-    summary: AttributeSummary,
-    color: ColorMode,
-    crs: Option<Crs>,
-    unit: Option<Unit>,
-    placement: Placement,
-    points: u64,
-    cell: f64,
+    /// Without stray points: what is framed.
+    pub bounds: Bounds,
+    /// What colours are chosen by.
+    pub summary: AttributeSummary,
+    /// Points of each class in all files, hidden ones included, from the sample.
+    pub classes: Box<[u64; 256]>,
+    /// What `--color auto` comes to.
+    pub color: ColorMode,
+    /// The data's coordinate system.
+    pub crs: Option<Crs>,
+    /// Unit of E, N and U.
+    pub unit: Option<Unit>,
+    /// File coordinates to world coordinates, of the first file.
+    pub placement: Placement,
+    /// Side of a finest cell, CRS units.
+    pub cell: f64,
 }
 
 fn finish(
     bins: Bins,
     about: About,
+    points: u64,
     options: &LoadOptions,
     problems: &mut Problems,
 ) -> Result<Loaded, LoadError> {
@@ -372,9 +413,7 @@ fn finish(
     if binned.sections.is_empty() {
         return Err(LoadError::Nothing("no point is left"));
     }
-    let About { bounds, summary, color, crs, unit, placement, points, .. } = about;
-    let (grid, sections) = (binned.grid, binned.sections);
-    Ok(Loaded { grid, sections, bounds, summary, color, crs, unit, placement, points })
+    Ok(Loaded { grid: binned.grid, about, sections: binned.sections, points })
 }
 
 /// Runs `work` while a progress bar follows `progress`.

@@ -100,6 +100,10 @@ pub struct FileSample {
     pub rgb: RgbDepth,
     /// World box without stray points; `None` for no points, or a file left out.
     pub bounds: Option<Bounds>,
+    /// World box that no point lies outside of, as far as the header and the sample say; `None` where they do not.
+    pub reach: Option<Bounds>,
+    /// Points lie in the nodes that a COPC hierarchy has them in, as far as the sample says.
+    pub in_nodes: bool,
 }
 
 /// The opening sample's decisions.
@@ -179,6 +183,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
     let heads = if whole { Vec::new() } else { places::heads(files, &drawn, points, budget) };
     // A chunk that is broken from its start is reported when it is drawn.
     let heads_seen = read_places(files, &heads, &mut Vec::new());
+    let in_nodes: Vec<bool> =
+        (0..files.len()).map(|index| in_nodes(&files[index].file, &firsts[index])).collect();
     // A set that is read whole has its first points among the others.
     let firsts = if whole { vec![Vec::new(); files.len()] } else { firsts };
     let rgb = rgb::decide(files, &rgb_of(files, &drawn, &firsts, &places, &seen, whole));
@@ -243,6 +249,15 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         bounds: &bounds,
     };
     let patches = ground::patches(&places, &seen, &ground);
+    let reach = |index: usize| {
+        let placement = world.placements[index].as_ref()?;
+        let header = header_bounds(&files[index].file, placement)?;
+        let inside = |(seen, _): &(&Seen, f64)| {
+            let (point, scale) = (place(index, seen), files[index].file.header.scale.abs());
+            point.cmpge(header.min - scale).all() && point.cmple(header.max + scale).all()
+        };
+        weighted[index].iter().all(inside).then_some(header)
+    };
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
     let boxes: Vec<(Bounds, u64)> = bounds
         .iter()
@@ -257,7 +272,14 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         attributes: summarise(&shown_points),
         classes: counts(&classes),
         bounds: frame::whole_bounds(&boxes),
-        files: rgb.into_iter().zip(&bounds).map(|(rgb, &bounds)| FileSample { rgb, bounds }).collect(),
+        files: (0..)
+            .zip(rgb)
+            .zip(&bounds)
+            .map(|((index, rgb), &bounds)| {
+                let (reach, in_nodes) = (reach(index), in_nodes[index]);
+                FileSample { rgb, bounds, reach, in_nodes }
+            })
+            .collect(),
         problems,
         world,
     }
@@ -285,6 +307,16 @@ fn read_firsts(
         seen
     });
     unpacked.collect()
+}
+
+/// Whether the first points of chunks, at an even stride, lie in the nodes that the chunks are.
+fn in_nodes(file: &LidarFile, firsts: &[Seen]) -> bool {
+    let stride = file.chunks.len().div_ceil(firsts.len().max(1)).max(1);
+    file.chunks.iter().step_by(stride).zip(firsts).all(|(chunk, seen)| {
+        let Some([low, high]) = file.chunk_bounds(chunk) else { return false };
+        let (point, scale) = (unpack(file, seen.raw), file.header.scale.abs());
+        point.cmpge(low - scale).all() && point.cmple(high + scale).all()
+    })
 }
 
 fn facts<'a>(files: &'a [Opened], firsts: &[Vec<Seen>]) -> Vec<FileFacts<'a>> {

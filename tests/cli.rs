@@ -446,9 +446,20 @@ fn bad_files() -> Vec<Case> {
             ..Case::file_with(
                 "fine.las",
                 scattered(60_000),
-                &["--cell", "1e-5", "--host-memory", "16MiB", "--device-memory", "16MiB"],
+                &["--cell", "1e-5", "--host-memory", "16MiB", "--device-memory", "16MiB", "--shade", "none"],
                 0,
                 &["fine.las: cell size ", "instead of 0.00001"],
+            )
+        },
+        // What is coarse on the picture need not be fine in memory.
+        Case {
+            memory: 500 << 20,
+            ..Case::file_with(
+                "fine.las",
+                scattered(60_000),
+                &["--cell", "1e-5", "--host-memory", "16MiB", "--device-memory", "16MiB"],
+                0,
+                &["60000 points in", "cells of 0.00001 units"],
             )
         },
     ];

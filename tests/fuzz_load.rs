@@ -46,13 +46,17 @@ fn check(paths: &[PathBuf], cell: Option<f64>, mix_crs: bool) -> Result<Option<u
     let said = String::from_utf8_lossy(&said).into_owned();
     let points = match loaded {
         Ok(loaded) => {
-            prop_assert!(loaded.bounds.min.is_finite() && loaded.bounds.max.is_finite());
+            prop_assert!(loaded.about.bounds.min.is_finite() && loaded.about.bounds.max.is_finite());
             prop_assert!(loaded.grid.cell() > 0.0 && loaded.grid.cell().is_finite());
-            prop_assert!(Height::from_units(loaded.bounds.center().z).is_some(), "{:?}", loaded.bounds);
-            Camera::frame(&loaded.bounds, DEFAULT_ORBIT, Projection::default(), [64, 36])
+            prop_assert!(
+                Height::from_units(loaded.about.bounds.center().z).is_some(),
+                "{:?}",
+                loaded.about.bounds
+            );
+            Camera::frame(&loaded.about.bounds, DEFAULT_ORBIT, Projection::default(), [64, 36])
                 .map_err(|e| TestCaseError::fail(e.to_string()))?;
             for mode in [ColorMode::Rgb, ColorMode::Height, ColorMode::Class, ColorMode::Intensity] {
-                ColorTable::new(mode, &loaded.summary, None, None)
+                ColorTable::new(mode, &loaded.about.summary, None, None)
                     .map_err(|e| TestCaseError::fail(e.to_string()))?;
             }
             prop_assert!(!loaded.sections.is_empty());

@@ -52,7 +52,8 @@ fn tops(packed: &Packed, visibility: &Visibility, mut each: impl FnMut(usize, Re
 impl World {
     /// From what was loaded, with `colors` and under `visibility`. Strays beyond the bounds are left out.
     pub fn new(loaded: Loaded, visibility: Visibility, colors: ColorTable) -> World {
-        let Loaded { grid, sections, bounds, .. } = loaded;
+        let Loaded { grid, sections, about, .. } = loaded;
+        let bounds = about.bounds;
         let anchor = Height::from_units(bounds.center().z).expect("bounds of points that have heights");
         let side = f64::from(SECTION_SIDE) * grid.cell();
         let index = |v: f64, axis: usize| {

@@ -4,20 +4,24 @@ mod frames;
 
 use super::{Outcome, UsageError};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
-use crate::coords::{Height, tidy};
+use crate::coords::{Height, SectionKey, tidy};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Order};
-use crate::load::{self, LoadError, LoadOptions, Loaded};
+use crate::load::{self, About, LoadError, LoadOptions, Loaded, OpenInput, Opening};
 use crate::problems::Problems;
 use crate::render::camera::{Bounds, Camera, DEFAULT_FOV, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, View, check_size};
 use crate::render::image::{Format, Image, WorldFile, write_prj_beside};
 use crate::render::path::CameraPath;
+use crate::render::sight::sight;
 use crate::section::{Columns, Packed};
 use crate::source::crs::Unit;
 use crate::source::inputs;
 use crate::source::placement::PlacementOptions;
-use crate::stream::bins::Budget;
+use crate::stream::bins::{Budget, Core};
+use crate::stream::builds::Builds;
+use crate::stream::live::{Live, Status};
 use crate::stream::pool::{Access, slot_bytes};
+use crate::stream::residency::Sight;
 use crate::stream::scene::{Scene, Visibility};
 use anyhow::Context;
 use frames::Pattern;
@@ -26,6 +30,7 @@ use std::collections::HashSet;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 /// Arguments of `lasray render`.
 #[derive(Clone, Debug, clap::Args)]
@@ -126,10 +131,17 @@ pub struct Args {
     /// Unit of heights, where the files are wrong: m, ft or us-ft
     #[arg(long, help_heading = "Data", value_name = "UNIT")]
     z_unit: Option<Unit>,
+    /// Pixels that a cell may cover: farther away cells are coarser; 0: finest cells everywhere [default: 1, for
+    /// exact pictures (--shade none, EXR) 0]
+    #[arg(long, value_parser = detail, help_heading = "Data", value_name = "PIXELS")]
+    detail: Option<f64>,
+    /// When to draw: when all that the picture needs is there, or as soon as there is something to see
+    #[arg(long, value_enum, default_value = "complete", conflicts_with = "demo", help_heading = "Data")]
+    wait: Wait,
     /// Bytes of device memory for sections
     #[arg(long, default_value = "1GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
     device_memory: u64,
-    /// Bytes of host memory for sections while they are read
+    /// Bytes of host memory for sections
     #[arg(long, default_value = "2GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
     host_memory: u64,
 
@@ -145,6 +157,15 @@ pub struct Args {
     /// No progress, no summary
     #[arg(short, long)]
     quiet: bool,
+}
+
+/// When a picture is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Wait {
+    /// When all that it needs is there.
+    Complete,
+    /// As soon as there is something to see.
+    None,
 }
 
 /// What the points stand for.
@@ -177,6 +198,11 @@ fn number(text: &str) -> Result<f64, String> {
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     let value = number(text)?;
     if value > 0.0 { Ok(value) } else { Err(format!("{value} is not above 0")) }
+}
+
+fn detail(text: &str) -> Result<f64, String> {
+    let value = number(text)?;
+    if value >= 0.0 { Ok(value) } else { Err(format!("{value} is below 0")) }
 }
 
 fn fov(text: &str) -> Result<f64, String> {
@@ -313,13 +339,19 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         finish(&mut problems, &args);
         drawn?;
     } else {
-        let loaded = if args.demo {
-            load::demo(&options, &mut problems)
+        let data = if args.demo {
+            load::demo(&options, &mut problems).map(Data::Whole)
         } else {
-            load::files(&args.inputs, &options, &mut problems)
+            let found = inputs::expand(&args.inputs);
+            found.failed.iter().for_each(|error| problems.error(error));
+            Data::of(&found.files, &args, &options, &mut problems)
         };
+        say(&mut problems, &args);
+        let drawn = data
+            .map_err(usage_of_load)
+            .and_then(|d| draw(&gpu, d, &args, &args.output, film.as_ref(), &mut problems));
         finish(&mut problems, &args);
-        draw(&gpu, loaded.map_err(usage_of_load)?, &args, &args.output, film.as_ref())?;
+        drawn?;
     }
     anyhow::ensure!(gpu.messages().is_empty() || !args.validate, "the validation layers reported errors");
     Ok(if args.strict && problems.failed { Outcome::Incomplete } else { Outcome::Done })
@@ -339,8 +371,8 @@ fn each(gpu: &Gpu, args: &Args, options: &LoadOptions, problems: &mut Problems) 
             continue;
         }
         let said = problems.said();
-        let loaded = load::paths(std::slice::from_ref(path), options, problems).map_err(usage_of_load);
-        match loaded.and_then(|loaded| draw(gpu, loaded, args, &output, None)) {
+        let data = Data::of(std::slice::from_ref(path), args, options, problems).map_err(usage_of_load);
+        match data.and_then(|data| draw(gpu, data, args, &output, None, problems)) {
             Ok(()) => drawn = true,
             // Why nothing is left has been said.
             Err(error) if error.is::<LoadError>() && problems.said() > said => problems.failed = true,
@@ -349,8 +381,7 @@ fn each(gpu: &Gpu, args: &Args, options: &LoadOptions, problems: &mut Problems) 
                 usage = usage.or(error.downcast::<UsageError>().ok());
             }
         }
-        // A closed stderr is nothing to stop for.
-        let _ = problems.print(!args.quiet, &mut std::io::stderr().lock());
+        say(problems, args);
     }
     match usage {
         _ if drawn => Ok(()),
@@ -365,6 +396,12 @@ pub(super) fn usage_of_load(error: LoadError) -> anyhow::Error {
         LoadError::TooFine { .. } => UsageError(error.to_string()).into(),
         error => error.into(),
     }
+}
+
+/// Prints what has come up so far.
+fn say(problems: &mut Problems, args: &Args) {
+    // A closed stderr is nothing to stop for.
+    let _ = problems.print(!args.quiet, &mut std::io::stderr().lock());
 }
 
 /// Prints what has come up.
@@ -430,12 +467,9 @@ fn visibility(args: &Args) -> Visibility {
 
 /// Packs on one thread while another copies; what is packed is freed.
 /// Gives the classes that are there, in any order.
-pub fn upload(
-    scene: &mut Scene,
-    sections: Vec<(crate::coords::SectionKey, Columns)>,
-) -> anyhow::Result<Vec<u8>> {
+pub fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow::Result<Vec<u8>> {
     let mut present = Vec::new();
-    let (send, receive) = crossbeam_channel::bounded::<(crate::coords::SectionKey, Packed)>(4);
+    let (send, receive) = crossbeam_channel::bounded::<(SectionKey, Packed)>(4);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let work = std::sync::Mutex::new(sections.into_iter());
     std::thread::scope(|scope| {
@@ -495,9 +529,55 @@ impl Film {
     }
 }
 
+/// What is drawn.
+enum Data {
+    /// All of it in memory, at the finest level.
+    Whole(Loaded),
+    /// What pictures need of it is read when they need it.
+    Live(Opening),
+}
+
+impl Data {
+    fn of(
+        files: &[PathBuf],
+        args: &Args,
+        options: &LoadOptions,
+        problems: &mut Problems,
+    ) -> Result<Data, LoadError> {
+        match args.detail {
+            // Exact pictures are made of the finest cells, all of them.
+            None if is_exact(args) && args.wait == Wait::Complete => {
+                load::paths(files, options, problems).map(Data::Whole)
+            }
+            _ => load::open(files, options, problems).map(Data::Live),
+        }
+    }
+}
+
+/// Pictures whose pixels are specified exactly.
+fn is_exact(args: &Args) -> bool {
+    args.shade == Shade::None || Format::of(&args.output).is_ok_and(|format| format == Format::Exr)
+}
+
+/// Bytes uploaded between two looks at what else there is to do.
+const UPLOAD_BYTES: u64 = 8 << 20;
+
 /// Draws the picture that the arguments ask for, or all of `film`.
-fn draw(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path, film: Option<&Film>) -> anyhow::Result<()> {
-    let Loaded { grid, sections, bounds, summary, color, crs, unit, placement, points } = loaded;
+fn draw(
+    gpu: &Gpu,
+    data: Data,
+    args: &Args,
+    output: &Path,
+    film: Option<&Film>,
+    problems: &mut Problems,
+) -> anyhow::Result<()> {
+    let (grid, about, content) = match data {
+        Data::Whole(Loaded { grid, about, sections, points }) => {
+            (grid, about, Content::Whole(sections, points))
+        }
+        Data::Live(Opening { inputs, grid, core, about }) => (grid, about, Content::Live(inputs, core)),
+    };
+    let About { bounds, summary, color, crs, unit, placement, .. } = about;
     let pivot = bounds.min.z;
     let shown = bounds.exaggerated(args.z_scale, pivot);
     let place = |v: DVec3| placement.place(v.x, v.y, v.z);
@@ -511,20 +591,42 @@ fn draw(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path, film: Option<&Fil
         None => camera(args, &framed, place).map(|(camera, size)| (vec![camera], size))?,
     };
 
-    let count = sections.len();
     let pool_bytes = device_budget(gpu, args);
     let access = Access::best(
         gpu,
-        sections.iter().map(|(_, columns)| slot_bytes(columns.layout().derived_bytes())).sum(),
+        match &content {
+            Content::Whole(sections, _) => {
+                sections.iter().map(|(_, columns)| slot_bytes(columns.layout().derived_bytes())).sum()
+            }
+            // Derived parts are less than half of what sections take.
+            Content::Live(..) => pool_bytes / 2,
+        },
     );
     let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility(args), grid.cell())?;
-    let mut present = upload(&mut scene, sections)?;
-    if scene.entries().is_empty() {
-        present.sort_unstable();
-        present.dedup();
-        let present = present.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
-        anyhow::bail!("nothing to draw: no point is of a class that is shown; there are {present}");
-    }
+    let (mut live, points, sections) = match content {
+        Content::Whole(sections, points) => {
+            let count = sections.len();
+            let mut present = upload(&mut scene, sections)?;
+            if scene.entries().is_empty() {
+                present.sort_unstable();
+                present.dedup();
+                anyhow::bail!(none_shown(&present));
+            }
+            (None, points, count)
+        }
+        Content::Live(inputs, core) => {
+            let points = inputs.iter().map(|input| input.input.file.points()).sum();
+            let host_bytes = args.host_memory;
+            let builds = |bytes| {
+                let mut builds = Builds::new(grid, bytes);
+                for OpenInput { input, bounds, reach, in_nodes } in inputs {
+                    builds.add(input, bounds, reach, in_nodes);
+                }
+                builds
+            };
+            (Some(Live::new(builds, grid, core, host_bytes, load::threads(), || ())), points, 0)
+        }
+    };
 
     let mode = args.color.0.unwrap_or(color);
     let colors =
@@ -536,7 +638,8 @@ fn draw(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path, film: Option<&Fil
     }
 
     let exr = Format::of(output)? == Format::Exr;
-    let exact = exr || args.shade == Shade::None;
+    let exact = is_exact(args);
+    let detail = args.detail.unwrap_or(if exact { 0.0 } else { 1.0 });
     let parallel = matches!(cameras[0].projection(), Projection::Orthographic { .. });
     let view = View {
         camera: &cameras[0],
@@ -554,12 +657,39 @@ fn draw(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path, film: Option<&Fil
     };
     let anchor = Height::from_units(bounds.center().z).context("heights are beyond what can be drawn")?;
     let mut renderer = Renderer::new(&scene, grid, anchor)?;
+    // Solid columns are seen from below, too.
+    let seen_down_to = if args.shade == Shade::Lit { floor } else { bounds.min.z - 1e6 };
+    let mut status = None;
     let mut picture = |camera: &Camera, output: &Path| -> anyhow::Result<()> {
         let view = View { camera, ..view.clone() };
-        let image = renderer.draw(&mut scene, &view).map_err(|error| match error {
+        let usage = |error: FrameError| match error {
             FrameError::Size { .. } | FrameError::Camera(_) => UsageError(error.to_string()).into(),
             error => anyhow::Error::from(error),
-        })?;
+        };
+        let table = match &mut live {
+            None => renderer.table(&scene),
+            Some(live) => {
+                check_size(scene.gpu(), size).map_err(usage)?;
+                let sight = sight(camera, size, [args.z_scale, pivot], seen_down_to, detail)
+                    .map_err(|error| usage(error.into()))?;
+                let now = fill(live, &mut scene, &sight, args)?;
+                live.take_errors().iter().for_each(|error| problems.error(error));
+                if now.coarser > 1.0 && status.is_none_or(|before: Status| before.coarser < now.coarser) {
+                    problems.warn(format!(
+                        "detail is reduced: cells may cover {:.1} times as many pixels, for lack of device memory (--device-memory)",
+                        now.coarser
+                    ));
+                }
+                status = Some(now);
+                renderer.table_of(&scene, live.shown())
+            }
+        };
+        let present = (0u8..=255).filter(|&class| about.classes[usize::from(class)] > 0);
+        let some_shown = |class: &u8| scene.visibility().shows(*class, false);
+        if live.is_some() && scene.entries().is_empty() && !present.clone().any(|class| some_shown(&class)) {
+            anyhow::bail!(none_shown(&present.collect::<Vec<_>>()));
+        }
+        let image = renderer.draw_table(&mut scene, &view, &table).map_err(usage)?;
         write(&image, &view, output)
     };
     match film {
@@ -584,11 +714,52 @@ fn draw(gpu: &Gpu, loaded: Loaded, args: &Args, output: &Path, film: Option<&Fil
             size[0],
             size[1],
             plural(points, "point"),
-            plural(count as u64, "section"),
+            plural(status.map_or(sections, |status: Status| status.resident) as u64, "section"),
             mode.name()
         );
     }
     Ok(())
+}
+
+/// What scenes are filled from.
+enum Content {
+    /// Sections, and how many points are in them.
+    Whole(Vec<(SectionKey, Columns)>, u64),
+    /// Files to be read.
+    Live(Vec<OpenInput>, Core),
+}
+
+fn none_shown(present: &[u8]) -> String {
+    let present = present.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
+    format!("nothing to draw: no point is of a class that is shown; there are {present}")
+}
+
+/// Reads and uploads what a picture needs, or until there is something to see.
+fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Args) -> anyhow::Result<Status> {
+    let bar = load::bar(0, args.quiet, "reading {wide_bar} {human_pos}/{human_len} sections {eta}");
+    loop {
+        let tick = live.tick(scene, sight, UPLOAD_BYTES)?;
+        let enough = match args.wait {
+            Wait::Complete => tick.complete,
+            Wait::None => live.sampled() && !live.shown().is_empty(),
+        };
+        if enough {
+            break;
+        }
+        if tick.stuck {
+            let (host, device) = (args.host_memory, args.device_memory);
+            return Err(LoadError::Budget { host, device }.into());
+        }
+        if !bar.is_hidden() {
+            let status = live.status(scene);
+            bar.set_length(status.wanted as u64);
+            bar.set_position(status.ready as u64);
+        }
+        scene.flush()?;
+        live.wait(Duration::from_millis(2));
+    }
+    bar.finish_and_clear();
+    Ok(live.status(scene))
 }
 
 /// Draws one picture after the other. Ctrl-C ends it between two of them, a second one at once.

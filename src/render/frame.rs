@@ -3,7 +3,7 @@
 use super::camera::{Bounds, Camera, CameraError, RayBasis};
 use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
-use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height};
+use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
     Binding, BindingKind, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, SyncPoint,
     Timestamps, shaders,
@@ -491,11 +491,16 @@ impl Renderer {
         })
     }
 
-    /// Draws `view` and waits for it.
+    /// Draws `view` of all that is live, and waits for it.
     pub fn draw(&mut self, scene: &mut Scene, view: &View) -> Result<Image, FrameError> {
+        let table = self.table(scene);
+        self.draw_table(scene, view, &table)
+    }
+
+    /// Draws `view` of what `table` names, and waits for it.
+    pub fn draw_table(&mut self, scene: &mut Scene, view: &View, table: &Table) -> Result<Image, FrameError> {
         check_size(scene.gpu(), view.size)?;
         let rays = Rays::of(view, self.grid.cell())?;
-        let table = self.table(scene);
         let mut image = Image::new(view.size);
         let [width, height] = view.size;
         let samples = view.samples.max(1);
@@ -506,7 +511,7 @@ impl Renderer {
             for sample in 0..samples {
                 let band =
                     Band { first_row, rows, sample, samples, read: sample + 1 == samples, screen: false };
-                last = Some(self.submit(scene, view, &table, &rays, band, None)?);
+                last = Some(self.submit(scene, view, table, &rays, band, None)?);
             }
             let point = last.expect("there is a sample");
             let target = self.target.as_ref().expect("submit made it");
@@ -552,9 +557,14 @@ impl Renderer {
         Ok(program)
     }
 
-    /// What a frame may see now.
+    /// All that a frame may see now.
     pub fn table(&self, scene: &Scene) -> Table {
         Table::build(&scene.entries(), self.anchor)
+    }
+
+    /// Places and the sections that they are to show, as far as those are live: see [`Scene::entries_of`].
+    pub fn table_of(&self, scene: &Scene, shown: &[(SectionKey, SectionKey)]) -> Table {
+        Table::build(&scene.entries_of(shown.iter().copied()), self.anchor)
     }
 
     fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2]) -> Result<(), FrameError> {

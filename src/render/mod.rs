@@ -5,4 +5,5 @@ pub mod frame;
 pub mod image;
 pub mod path;
 pub mod reference;
+pub mod sight;
 pub mod whole_file;

@@ -40,8 +40,8 @@ pub struct Bins {
     grid: RwLock<Grid>,
     sections: Mutex<HashMap<SectionKey, Shared>>,
     strays: Mutex<Strays>,
-    /// Cells (base grid, before coarsening) that the robust bounds reach over: what lies outside is a stray.
-    core: [std::ops::Range<i64>; 2],
+    /// What lies outside is a stray.
+    core: Core,
     budget: Budget,
     host_bytes: AtomicU64,
     device_bytes: AtomicU64,
@@ -56,7 +56,18 @@ struct Strays {
     count: u64,
 }
 
-type Shared = Arc<Mutex<Columns>>;
+/// A section that several threads put points into.
+pub type Shared = Arc<Mutex<Columns>>;
+
+/// Cells of the base grid, west-east and south-north, that the data is believed to lie in.
+pub type Core = [std::ops::Range<i64>; 2];
+
+/// Whether a place lies outside the core.
+#[inline]
+fn is_stray(grid: &Grid, [columns, rows]: &Core, [e, n]: [f64; 2]) -> bool {
+    let [i, j] = [e, n].map(|v| v / grid.base_cell);
+    i < columns.start as f64 || i >= columns.end as f64 || j < rows.start as f64 || j >= rows.end as f64
+}
 
 /// The finished sections.
 pub struct Binned {
@@ -69,14 +80,13 @@ pub struct Binned {
 }
 
 /// A section locked by a thread that panicked is still whole: records are replaced one at a time.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Bins {
-    /// Empty bins on `grid`. `core`: the cells of the base grid, west-east and south-north, that the data is
-    /// believed to lie in.
-    pub fn new(grid: Grid, core: [std::ops::Range<i64>; 2], budget: Budget) -> Bins {
+    /// Empty bins on `grid`.
+    pub fn new(grid: Grid, core: Core, budget: Budget) -> Bins {
         Bins {
             grid: RwLock::new(grid),
             sections: Mutex::default(),
@@ -91,14 +101,6 @@ impl Bins {
 
     fn read_grid(&self) -> RwLockReadGuard<'_, Grid> {
         self.grid.read().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Whether a cell of the base grid lies outside the core.
-    #[inline]
-    fn is_stray(&self, grid: &Grid, [e, n]: [f64; 2]) -> bool {
-        let [i, j] = [e, n].map(|v| v / grid.base_cell);
-        let [columns, rows] = &self.core;
-        i < columns.start as f64 || i >= columns.end as f64 || j < rows.start as f64 || j >= rows.end as f64
     }
 
     fn keep_stray(&self, at: [f64; 2], record: Record) {
@@ -251,17 +253,48 @@ impl Binner {
     pub fn bin(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
         let mut first = 0;
         while first < block.len() {
-            first = self.bin_piece(bins, meaning, block, first);
+            let grid = bins.read_grid();
+            let stray = &mut |at, record| bins.keep_stray(at, record);
+            let (next, outside) = self.place(&grid, &bins.core, meaning, block, first, stray);
+            self.group();
+            let grown = self.put(meaning, block, first, &|key| Some(bins.section(key)));
+            drop(grid);
+            bins.outside.fetch_add(outside, Ordering::Relaxed);
+            bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
+            bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);
+            first = next;
             bins.fit();
         }
     }
 
-    /// Bins points from `first` on, as many as lie in [`PIECE_SECTIONS`]; gives the next one.
-    fn bin_piece(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock, first: usize) -> usize {
-        let grid = bins.read_grid();
-        let next = self.place(&grid, bins, meaning, block, first);
-        self.group();
+    /// Puts those points of `block` into their columns whose section (of `grid`, at level 0) `section` gives. Points
+    /// outside `core` (cells of the base grid) are left out.
+    pub fn bin_into(
+        &mut self,
+        grid: &Grid,
+        core: &Core,
+        meaning: &impl Meaning,
+        block: &PointBlock,
+        section: &dyn Fn(SectionKey) -> Option<Shared>,
+    ) {
+        let mut first = 0;
+        while first < block.len() {
+            let (next, _) = self.place(grid, core, meaning, block, first, &mut |_, _| ());
+            self.group();
+            self.put(meaning, block, first, section);
+            first = next;
+        }
+    }
 
+    /// Adds the points that were placed and grouped, from `first` on; gives the bytes by which sections grew, here and
+    /// on the device.
+    fn put(
+        &mut self,
+        meaning: &impl Meaning,
+        block: &PointBlock,
+        first: usize,
+        section_of: &dyn Fn(SectionKey) -> Option<Shared>,
+    ) -> [i64; 2] {
         let mut grown = [0i64; 2];
         let mut add = |section: usize, columns: &mut Columns| {
             let before = if columns.points() == 0 {
@@ -282,7 +315,7 @@ impl Binner {
         // Sections that another thread holds come last, so that threads seldom wait for each other.
         let mut held = Vec::new();
         for (section, &key) in self.keys.iter().enumerate() {
-            let shared = bins.section(key);
+            let Some(shared) = section_of(key) else { continue };
             let busy = match shared.try_lock() {
                 Ok(mut columns) => {
                     add(section, &mut columns);
@@ -301,29 +334,27 @@ impl Binner {
         for (section, shared) in held {
             add(section, &mut lock(&shared));
         }
-
-        bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
-        bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);
-        next
+        grown
     }
 
     /// Height, column and run of every point from `first` on that has a cell and a height, until the runs lie in
-    /// [`PIECE_SECTIONS`]; gives the next point.
+    /// [`PIECE_SECTIONS`]; gives the next point, and how many have none. Those outside `core` are `stray`.
     fn place(
         &mut self,
         grid: &Grid,
-        bins: &Bins,
+        core: &Core,
         meaning: &impl Meaning,
         block: &PointBlock,
         first: usize,
-    ) -> usize {
+        stray: &mut dyn FnMut([f64; 2], Record),
+    ) -> (usize, u64) {
         self.keys.clear();
         self.index_of.clear();
         self.runs.clear();
         let all = block.len() - first;
         self.columns.resize(all, 0);
         self.heights.resize(all, Height(0));
-        let ordinary = Ordinary::new(grid, &bins.core);
+        let ordinary = Ordinary::new(grid, core);
         let mut outside = 0;
         let mut world = [[0.0; BATCH]; 3];
         let mut cells = [[0; BATCH]; 2];
@@ -350,8 +381,8 @@ impl Binner {
                     at += 1;
                     continue;
                 };
-                if bins.is_stray(grid, [east[k], north[k]]) {
-                    bins.keep_stray([east[k], north[k]], record(meaning, block, first + at, height));
+                if is_stray(grid, core, [east[k], north[k]]) {
+                    stray([east[k], north[k]], record(meaning, block, first + at, height));
                     at += 1;
                     continue;
                 }
@@ -359,10 +390,7 @@ impl Binner {
                 at = self.place_ordinary(at, &[cell.i], &[cell.j]);
             }
         }
-        if outside > 0 {
-            bins.outside.fetch_add(outside, Ordering::Relaxed);
-        }
-        first + at
+        (first + at, outside)
     }
 
     /// Column and run of points from `at` on, whose cells are these; gives the next point, which is one of them if

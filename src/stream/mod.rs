@@ -1,7 +1,11 @@
 //! From points to resident sections: binning workers, the pool, transfers, the section table.
 
 pub mod bins;
+pub mod builds;
+pub mod feed;
+pub mod live;
 pub mod pool;
+pub mod residency;
 pub mod scene;
 pub mod table;
 pub mod workers;

@@ -4,13 +4,13 @@
 //! mask, bridges and pyramid); when the host has seen the build reached, tables may name it. Another mask
 //! reruns the build on what is resident and copies nothing.
 
-use super::pool::{Access, Part, Pool, Slot};
+use super::pool::{Access, Part, Pool, Slot, section_bytes};
 use super::table::Entry;
 use crate::attribute::ClassMask;
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
-    SyncPoint, Timestamps, UploadRing, shaders,
+    SyncPoint, Timestamps, UploadRing, shaders, stream_words,
 };
 use crate::section::{HighestOf, Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
@@ -62,6 +62,17 @@ pub struct Counters {
     pub sections: u64,
     /// Sections whose derived part was built or built again.
     pub builds: u64,
+}
+
+/// What came of [`Scene::try_upload`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Upload {
+    /// It is on its way.
+    Started,
+    /// There will be room when the device is done with what was given back, or with earlier copies.
+    Later,
+    /// The pool has no room.
+    Full,
 }
 
 /// How far a section is.
@@ -123,6 +134,7 @@ struct Freed {
 struct Job {
     section: [u32; 4],
     near: [[u32; 4]; 9],
+    slopes: [u32; 4],
 }
 
 /// A job, and the variant of the passes that does it.
@@ -149,7 +161,6 @@ struct Derive {
     visible_withheld: [u32; 8],
     bridge: u32,
     values: u32,
-    steep: i32,
 }
 
 /// A section and its eight neighbours, row by row from the south-west.
@@ -190,6 +201,7 @@ pub struct Scene {
     carried: Carried,
     cell: f64,
     counters: Counters,
+    generation: u64,
     /// The copy that is being recorded, and whose sections it moves.
     batch: Option<(Commands, Option<Timestamps>)>,
     staged: Vec<SectionKey>,
@@ -221,6 +233,7 @@ impl Scene {
             carried: Carried::Colors,
             cell,
             counters: Counters::default(),
+            generation: 0,
             batch: None,
             staged: Vec::new(),
             clock: None,
@@ -267,7 +280,39 @@ impl Scene {
             }
             highest_of
         };
-        self.counters.section_bytes += len;
+        self.comes(key, slots, layout, highest_of);
+        Ok(true)
+    }
+
+    /// [`Scene::upload`] without ever waiting for the device: for frames.
+    pub fn try_upload(&mut self, key: SectionKey, packed: &Packed) -> Result<Upload, GpuError> {
+        if packed.layout.uploaded_bytes() > RING_BYTES {
+            // It goes in pieces, one after the other.
+            return Ok(if self.upload(key, packed)? { Upload::Started } else { Upload::Full });
+        }
+        if self.staged.contains(&key) {
+            return Ok(Upload::Later);
+        }
+        let Some(slots) = self.slots_now(&packed.layout)? else {
+            return Ok(if self.freed.is_empty() { Upload::Full } else { Upload::Later });
+        };
+        let len = packed.layout.uploaded_bytes();
+        let Some(from) = self.ring.reserve(&mut self.order, len)? else {
+            self.pool.free(slots.uploaded);
+            self.pool.free(slots.derived);
+            return Ok(Upload::Later);
+        };
+        self.ring.buffer().write_with(from, len, |bytes| {
+            stream_words(bytemuck::cast_slice_mut(bytes), &packed.words);
+        });
+        self.stage(&slots.uploaded, 0, from, len)?;
+        self.comes(key, slots, packed.layout, packed.highest_of.clone());
+        Ok(Upload::Started)
+    }
+
+    /// A version is on its way.
+    fn comes(&mut self, key: SectionKey, slots: Slots, layout: Layout, highest_of: HighestOf) {
+        self.counters.section_bytes += layout.uploaded_bytes();
         self.counters.sections += 1;
         let version = Version { slots, layout, highest_of, state: State::Staged };
         self.staged.push(key);
@@ -275,11 +320,10 @@ impl Scene {
         if let Some(old) = overtaken {
             self.release(old);
         }
-        Ok(true)
     }
 
-    /// Slots for a version; `None` when there are none even after all that was given back is free.
-    fn slots(&mut self, layout: &Layout) -> Result<Option<Slots>, GpuError> {
+    /// Slots for a version, if there are any now.
+    fn slots_now(&mut self, layout: &Layout) -> Result<Option<Slots>, GpuError> {
         let alloc = |pool: &mut Pool| -> Result<Option<Slots>, GpuError> {
             let Some(derived) = pool.alloc(Part::Derived, layout.derived_bytes())? else { return Ok(None) };
             let Some(uploaded) = pool.alloc(Part::Uploaded, layout.uploaded_bytes())? else {
@@ -288,14 +332,19 @@ impl Scene {
             };
             Ok(Some(Slots { uploaded, derived }))
         };
+        if let Some(slots) = alloc(&mut self.pool)? {
+            return Ok(Some(slots));
+        }
+        // The copy being recorded knows nothing of slots that come back from here on.
+        self.flush()?;
+        self.reclaim()?;
+        alloc(&mut self.pool)
+    }
+
+    /// Slots for a version; `None` when there are none even after all that was given back is free.
+    fn slots(&mut self, layout: &Layout) -> Result<Option<Slots>, GpuError> {
         loop {
-            if let Some(slots) = alloc(&mut self.pool)? {
-                return Ok(Some(slots));
-            }
-            // The copy being recorded knows nothing of slots that come back from here on.
-            self.flush()?;
-            self.reclaim()?;
-            if let Some(slots) = alloc(&mut self.pool)? {
+            if let Some(slots) = self.slots_now(layout)? {
                 return Ok(Some(slots));
             }
             let Some(last_use) = self.freed.first().and_then(|f| f.uses.last()) else { return Ok(None) };
@@ -406,6 +455,7 @@ impl Scene {
     /// bridges that led to them.
     pub fn remove(&mut self, keys: &[SectionKey]) -> Result<(), GpuError> {
         self.flush()?;
+        self.generation += 1;
         let gone: BTreeMap<_, _> =
             keys.iter().filter_map(|&key| Some((key, self.sections.remove(&key)?))).collect();
         let near = self.jobs(&self.rebuilt_with(&gone.keys().copied().collect()), &BTreeSet::new());
@@ -472,6 +522,7 @@ impl Scene {
             if let Some(old) = resident.live.replace(version) {
                 self.release(old);
             }
+            self.generation += 1;
         }
         if copied.is_empty() {
             return Ok(());
@@ -535,6 +586,7 @@ impl Scene {
     pub fn show(&mut self, visibility: Visibility) -> Result<(), GpuError> {
         if visibility != self.visibility {
             self.visibility = visibility;
+            self.generation += 1;
             self.rebuild()?;
         }
         Ok(())
@@ -577,7 +629,10 @@ impl Scene {
                 near[4] = derived(version);
                 let [x, y] = self.pool.place(&version.slots.uploaded, 0);
                 let Layout { counts, others, .. } = version.layout;
-                let job = Job { section: [x, y, counts, others], near };
+                // Gaps steeper than 45° are edges.
+                let cell = self.cell * f64::from(key.level).exp2();
+                let steep = (cell * HEIGHT_STEPS_PER_UNIT).clamp(1.0, 1e6) as u32;
+                let job = Job { section: [x, y, counts, others], near, slopes: [steep, 0, 0, 0] };
                 let all = version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w));
                 jobs.push(Task { job, wide: version.layout.code.wide, all });
             }
@@ -600,8 +655,6 @@ impl Scene {
             visible_withheld: if self.visibility.withheld { words } else { [0; 8] },
             bridge: self.visibility.bridge.min(4),
             values: (self.carried == Carried::Values).into(),
-            // Gaps steeper than 45° are edges.
-            steep: (self.cell * HEIGHT_STEPS_PER_UNIT).clamp(1.0, 1e6) as i32,
         };
         let params = self.constant("visibility", bytemuck::bytes_of(&derive))?;
         for tasks in tops.chunks(SUBMIT_SECTIONS) {
@@ -737,28 +790,56 @@ impl Scene {
 
     /// What a table may name now: live sections that show anything, in key order.
     pub fn entries(&self) -> Vec<Entry> {
+        self.entries_of(self.sections.keys().map(|&key| (key, key)))
+    }
+
+    /// The same for some places and the section that each is to show: its own, or a coarser one around it. In the
+    /// order of the places.
+    pub fn entries_of(&self, shown: impl IntoIterator<Item = (SectionKey, SectionKey)>) -> Vec<Entry> {
         let highest = |key: &SectionKey| -> Option<Height> {
             let version = self.sections.get(key)?.live.as_ref()?;
             let shown = version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
             shown.map(|(_, _, h)| *h).max()
         };
-        let mut entries: Vec<_> = self
-            .sections
-            .iter()
-            .filter_map(|(key, resident)| {
-                let version = resident.live.as_ref()?;
-                // Bridges rise no higher than what they lead to, which may be a neighbour's.
-                let top = match self.visibility.bridge {
-                    0 => highest(key)?,
-                    _ => around(*key).iter().filter_map(highest).max()?,
-                };
-                let layout = &version.layout;
-                let pyramid = self.pool.place_to_read(&version.slots.derived, 0);
-                Some(Entry { key: *key, pyramid, code: layout.code, top })
-            })
-            .collect();
+        let entry = |(at, key): (SectionKey, SectionKey)| {
+            let version = self.sections.get(&key)?.live.as_ref()?;
+            // Bridges rise no higher than what they lead to, which may be a neighbour's.
+            let top = match self.visibility.bridge {
+                0 => highest(&key)?,
+                _ => around(key).iter().filter_map(highest).max()?,
+            };
+            let pyramid = self.pool.place_to_read(&version.slots.derived, 0);
+            Some(Entry { key: at, detail: key.level, pyramid, code: version.layout.code, top })
+        };
+        let mut entries: Vec<_> = shown.into_iter().filter_map(entry).collect();
         entries.sort_unstable_by_key(|e| e.key);
         entries
+    }
+
+    /// Whether tables may name a section.
+    pub fn is_live(&self, key: SectionKey) -> bool {
+        self.sections.get(&key).is_some_and(|resident| resident.live.is_some())
+    }
+
+    /// A number that changes whenever tables may name other things.
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Whether a version of a section is on its way.
+    pub fn is_coming(&self, key: SectionKey) -> bool {
+        self.sections.get(&key).is_some_and(|resident| resident.coming.is_some())
+    }
+
+    /// Bytes of the pool that a section takes.
+    pub fn bytes_of(&self, key: SectionKey) -> u64 {
+        let versions = self.sections.get(&key).into_iter().flat_map(|r| r.live.iter().chain(&r.coming));
+        versions.map(|version| section_bytes(&version.layout)).sum()
+    }
+
+    /// Sections that are here or on their way.
+    pub fn resident(&self) -> impl Iterator<Item = SectionKey> {
+        self.sections.keys().copied()
     }
 
     /// Tells that a frame which could read every live section was submitted.
@@ -802,9 +883,9 @@ mod tests {
         let first = [("tops", shaders::TOPS), ("tops, POOL_SSBO", shaders::TOPS_SSBO)];
         let second = [("bridge", shaders::BRIDGE), ("bridge, POOL_SSBO", shaders::BRIDGE_SSBO)];
         let third = [("pyramid", shaders::PYRAMID), ("pyramid, POOL_SSBO", shaders::PYRAMID_SSBO)];
-        let masked = members!(Derive { visible, visible_withheld, bridge, values, steep });
+        let masked = members!(Derive { visible, visible_withheld, bridge, values });
         for pass in [&first, &second, &third] {
-            assert_in(pass, &members!(Job { section, near }));
+            assert_in(pass, &members!(Job { section, near, slopes }));
         }
         // The pyramid is built from what the mask has left.
         assert_in(&first, &masked);

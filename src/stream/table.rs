@@ -17,13 +17,13 @@ pub struct Node {
     pub key: [u32; 2],
     /// Highest thing below, lattice steps from the anchor, rounded up; bits of an f32, the last one set for sections.
     pub top: u32,
-    /// Level | detail level << 16.
+    /// Level; of sections also the detail level of what is shown << 16.
     pub meta: u32,
     /// Where its pyramid lies: its device address (or word), low half first; the highest bit is set where codes are wide.
     pub pyramid: [u32; 2],
     /// Lattice height of code 0, from the anchor.
     pub base: i32,
-    /// Slots of the sections of its size to the east, west, north and south; all ones where there is none.
+    /// Slots of the sections of its size and detail to the east, west, north and south; all ones where there is none.
     pub beside: [u32; 4],
     /// Up to a cache line.
     pub pad: [u32; 5],
@@ -60,8 +60,10 @@ fn key(level: u32, index: [i32; 2]) -> [u32; 2] {
 /// A section that is to be named in a table.
 #[derive(Clone, Copy, Debug)]
 pub struct Entry {
-    /// Which one.
+    /// Where it is shown.
     pub key: SectionKey,
+    /// Detail level of what is shown there: that of `key`, or of a coarser section that holds it.
+    pub detail: u8,
     /// Its pyramid's place.
     pub pyramid: [u32; 2],
     /// How it stores heights.
@@ -132,7 +134,7 @@ impl Table {
             let top = steps_above(e.top, anchor);
             let node = Node {
                 key: key(level, index),
-                meta: level | u32::from(e.key.level) << 16,
+                meta: level | u32::from(e.detail) << 16,
                 top: marked(top, SECTION),
                 pyramid: [e.pyramid[0], e.pyramid[1] | if e.code.wide { WIDE } else { 0 }],
                 base: e.code.base.wrapping_sub(anchor.0),
@@ -171,8 +173,11 @@ impl Table {
             }
         }
         for (&(level, [i, j]), &slot) in &slot_of {
-            let beside = [[i + 1, j], [i - 1, j], [i, j + 1], [i, j - 1]];
-            slots[slot].beside = beside.map(|at| slot_of.get(&(level, at)).map_or(u32::MAX, |&s| s as u32));
+            let beside = [[i + 1, j], [i - 1, j], [i, j + 1], [i, j - 1]].map(|at| {
+                let as_fine = |&&s: &&usize| slots[s].meta == slots[slot].meta;
+                slot_of.get(&(level, at)).filter(as_fine).map_or(u32::MAX, |&s| s as u32)
+            });
+            slots[slot].beside = beside;
         }
         Table {
             slots,
@@ -208,6 +213,7 @@ mod tests {
     fn entry(i: i32, j: i32, top: i32) -> Entry {
         Entry {
             key: SectionKey { level: 0, i, j },
+            detail: 0,
             code: HeightCode { base: 0, wide: false },
             pyramid: [i as u32, j as u32 & 0xFFFF],
             top: Height(top),

@@ -4,7 +4,7 @@
 use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
 use lasray::coords::{Grid, Height, SectionKey};
 use lasray::gpu::{Gpu, Order};
-use lasray::load::{self, LoadOptions, Loaded};
+use lasray::load::{self, About, LoadOptions, Loaded};
 use lasray::problems::Problems;
 use lasray::render::camera::{Bounds, Camera};
 use lasray::render::frame::{Background, Renderer, Shade, Traversal, View};
@@ -70,7 +70,8 @@ impl Data {
         let mut problems = Problems::default();
         let loaded = load::paths(paths, &options, &mut problems).unwrap();
         assert!(!problems.failed, "{problems:?}");
-        let Loaded { grid, sections, bounds, summary, color, placement, .. } = loaded;
+        let Loaded { grid, sections, about, .. } = loaded;
+        let About { bounds, summary, color, placement, .. } = about;
         Data {
             sections: sections.into_iter().map(|(key, columns)| (key, columns.pack())).collect(),
             grid,

@@ -1,0 +1,417 @@
+//! Sections that are being made: which chunks of which files each still lacks, and which chunk is read next. Pure but
+//! for the files that chunks belong to.
+//!
+//! A chunk that is read serves every section that lacks it and that it may touch, at every level. A section is finished
+//! when it lacks none; since a column keeps the maximum, it then is the same whatever came first, and a chunk that is
+//! read twice does no harm.
+
+use super::bins::Shared;
+use super::residency::{Extent, touches};
+use super::workers::Input;
+use crate::coords::{Grid, SectionKey};
+use crate::sample::Bounds;
+use crate::source::SourceError;
+use crate::source::placement::Placement;
+use glam::DVec3;
+use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
+use std::sync::Arc;
+
+/// Bytes that a section of one class takes while it is made.
+const USUAL_BYTES: u64 = 900 << 10;
+
+/// Finest cells: first, and the one after the last.
+pub type Cells = [[i32; 2]; 2];
+
+/// A file as it is read here.
+pub struct Source {
+    /// How its points are read.
+    pub input: Arc<Input>,
+    /// Cells outside of which it has no points, where that is known.
+    reach: Option<Cells>,
+    /// Where it is seen.
+    pub extent: Option<Extent>,
+    /// Its points are shown.
+    pub shown: bool,
+    /// It cannot be read any more.
+    lost: bool,
+    /// Its first chunk in `Builds::chunks`.
+    first: u32,
+    /// Chunks of it that are being read.
+    busy: u32,
+}
+
+/// What is known of a chunk.
+struct Chunk {
+    source: u32,
+    /// Cells that hold its points, where that is known.
+    cells: Option<Cells>,
+    busy: bool,
+    /// It was read, whole or not: what it lacks stays away.
+    broken: bool,
+}
+
+/// A section that is being made.
+struct Build {
+    columns: Shared,
+    lacks: BTreeSet<u32>,
+    bytes: u64,
+    damaged: bool,
+}
+
+/// A section that lacks nothing any more.
+pub struct Finished {
+    /// Which one.
+    pub key: SectionKey,
+    /// Its points.
+    pub columns: Shared,
+    /// Some of its points could not be read.
+    pub damaged: bool,
+    /// Changes to the set of files that it knows of.
+    pub change: u64,
+}
+
+/// A chunk to be read, and the sections that want it.
+pub struct Job {
+    chunk: u32,
+    /// Its file.
+    pub input: Arc<Input>,
+    /// Its index there.
+    pub index: usize,
+    /// Who lacks it.
+    pub targets: Vec<(SectionKey, Shared)>,
+}
+
+/// What came of a job.
+#[derive(Default)]
+pub struct Outcome {
+    /// Cells that hold the chunk's points, if that could be learned.
+    pub cells: Option<Cells>,
+    /// Why it was not read whole.
+    pub error: Option<SourceError>,
+    /// Points read.
+    pub points: u64,
+}
+
+/// How far reading is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Points in all files that are shown.
+    pub points: u64,
+    /// Points decoded since the start, each as often as it was.
+    pub points_read: u64,
+    /// Bytes of the chunks that were read.
+    pub bytes_read: u64,
+    /// Chunks, and those that were read at least once.
+    pub chunks: u64,
+    /// Those whose bounds are known.
+    pub chunks_known: u64,
+    /// Sections that are being made, and their bytes.
+    pub builds: u64,
+    /// Bytes that they take.
+    pub build_bytes: u64,
+    /// Chunks that the sections which are being made lack.
+    pub lacking: u64,
+}
+
+/// All of it.
+pub struct Builds {
+    grid: Grid,
+    sources: Vec<Source>,
+    chunks: Vec<Chunk>,
+    builds: HashMap<SectionKey, Build>,
+    /// What is wanted, most urgent first.
+    order: Vec<SectionKey>,
+    budget_bytes: u64,
+    change: u64,
+    finished: VecDeque<Finished>,
+    /// Finished, on their way to whoever wanted them.
+    out: HashSet<SectionKey>,
+    errors: Vec<String>,
+    progress: Progress,
+}
+
+/// The cells of a box, if the grid can count them.
+pub fn cells_of(grid: &Grid, min: DVec3, max: DVec3) -> Option<Cells> {
+    let (low, high) = (grid.cell_of(min.x, min.y)?, grid.cell_of(max.x, max.y)?);
+    Some([[low.i, low.j], [high.i + 1, high.j + 1]])
+}
+
+fn around([low, high]: Cells) -> Cells {
+    [low.map(|cell| cell - 1), high.map(|cell| cell + 1)]
+}
+
+/// World box of a box in a file, where the way there keeps boxes.
+pub fn placed(placement: &Placement, [low, high]: [DVec3; 2]) -> Option<[DVec3; 2]> {
+    if matches!(placement, Placement::Turned { .. }) {
+        return None;
+    }
+    let (a, b) = (placement.place(low.x, low.y, low.z), placement.place(high.x, high.y, high.z));
+    Some([a.min(b), a.max(b)])
+}
+
+impl Builds {
+    /// Nothing yet, on `grid`. `budget_bytes`: of sections that are being made.
+    pub fn new(grid: Grid, budget_bytes: u64) -> Builds {
+        Builds {
+            grid,
+            sources: Vec::new(),
+            chunks: Vec::new(),
+            builds: HashMap::new(),
+            order: Vec::new(),
+            budget_bytes,
+            change: 0,
+            finished: VecDeque::new(),
+            out: HashSet::new(),
+            errors: Vec::new(),
+            progress: Progress::default(),
+        }
+    }
+
+    /// Adds a file. `bounds`: where it is seen; `reach`: outside of which it has no points; `in_nodes`: those of a node
+    /// of a COPC file are in its box.
+    pub fn add(
+        &mut self,
+        input: Input,
+        bounds: Option<Bounds>,
+        reach: Option<Bounds>,
+        in_nodes: bool,
+    ) -> usize {
+        let grid = self.grid;
+        let extent = bounds.and_then(|b| {
+            let [low, high] = cells_of(&grid, b.min, b.max)?;
+            Some(Extent { low, high, up: [b.min.z, b.max.z] })
+        });
+        let source = self.sources.len();
+        let first = self.chunks.len() as u32;
+        let file = &input.file;
+        self.progress.points += file.points();
+        for chunk in &file.chunks {
+            let bounds = file.chunk_bounds(chunk).filter(|_| in_nodes);
+            let cells = bounds.and_then(|bounds| placed(&input.placement, bounds));
+            let cells = cells.and_then(|[low, high]| cells_of(&grid, low, high)).map(around);
+            self.progress.chunks_known += u64::from(cells.is_some());
+            self.chunks.push(Chunk { source: source as u32, cells, busy: false, broken: false });
+        }
+        self.sources.push(Source {
+            input: Arc::new(input),
+            reach: reach.and_then(|b| cells_of(&grid, b.min, b.max)).map(around),
+            extent,
+            shown: true,
+            lost: false,
+            first,
+            busy: 0,
+        });
+        self.changed(source);
+        source
+    }
+
+    /// Shows or hides a file.
+    pub fn show(&mut self, source: usize, shown: bool) {
+        if self.sources[source].shown == shown {
+            return;
+        }
+        self.sources[source].shown = shown;
+        let points = self.sources[source].input.file.points();
+        self.progress.points =
+            if shown { self.progress.points + points } else { self.progress.points - points };
+        self.changed(source);
+    }
+
+    /// Sections that a file touches are to be made anew.
+    fn changed(&mut self, source: usize) {
+        self.change += 1;
+        let touched: Vec<_> = self.builds.keys().copied().filter(|&key| self.touches(source, key)).collect();
+        for key in touched {
+            self.builds.remove(&key);
+        }
+        let out = std::mem::take(&mut self.out);
+        self.out = out.into_iter().filter(|&key| !self.touches(source, key)).collect();
+    }
+
+    /// Whether a file may have points in a section.
+    pub fn touches(&self, source: usize, key: SectionKey) -> bool {
+        self.reaches(source, key) && self.chunks_of(source).any(|chunk| self.may_hold(chunk, key))
+    }
+
+    fn reaches(&self, source: usize, key: SectionKey) -> bool {
+        self.sources[source].reach.is_none_or(|[low, high]| touches(key, low, high))
+    }
+
+    fn chunks_of(&self, source: usize) -> std::ops::Range<u32> {
+        let source = &self.sources[source];
+        source.first..source.first + source.input.file.chunks.len() as u32
+    }
+
+    fn may_hold(&self, chunk: u32, key: SectionKey) -> bool {
+        self.chunks[chunk as usize].cells.is_none_or(|[low, high]| touches(key, low, high))
+    }
+
+    /// The files.
+    pub fn sources(&self) -> &[Source] {
+        &self.sources
+    }
+
+    /// Changes to the set of files since the start.
+    pub fn change(&self) -> u64 {
+        self.change
+    }
+
+    /// What is wanted from now on, most urgent first. What is not wanted any more is kept while there is room.
+    pub fn want(&mut self, order: Vec<SectionKey>) {
+        self.order = order;
+        self.admit();
+    }
+
+    fn bytes(&self) -> u64 {
+        self.builds.values().map(|build| build.bytes.max(USUAL_BYTES)).sum()
+    }
+
+    /// Starts what is wanted, as far as there is room.
+    fn admit(&mut self) {
+        let wanted: HashSet<_> = self.order.iter().copied().collect();
+        let mut bytes = self.bytes();
+        for key in std::mem::take(&mut self.order) {
+            self.order.push(key);
+            if self.builds.contains_key(&key) || self.out.contains(&key) {
+                continue;
+            }
+            if bytes + USUAL_BYTES > self.budget_bytes {
+                self.builds.retain(|key, _| wanted.contains(key));
+                bytes = self.bytes();
+            }
+            // One is always made, or nothing would ever be.
+            if bytes + USUAL_BYTES <= self.budget_bytes || self.builds.is_empty() {
+                bytes += USUAL_BYTES;
+                self.start(key);
+            }
+        }
+    }
+
+    fn start(&mut self, key: SectionKey) {
+        let mut lacks = BTreeSet::new();
+        let mut damaged = false;
+        for source in (0..self.sources.len()).filter(|&s| self.sources[s].shown && self.reaches(s, key)) {
+            let touching = self.chunks_of(source).filter(|&chunk| self.may_hold(chunk, key));
+            if self.sources[source].lost {
+                damaged |= touching.count() > 0;
+                continue;
+            }
+            let touching: Vec<_> = touching.collect();
+            damaged |= touching.iter().any(|&chunk| self.chunks[chunk as usize].broken);
+            lacks.extend(touching);
+        }
+        self.builds.insert(key, Build { columns: Shared::default(), lacks, bytes: 0, damaged });
+        self.finish_if_whole(key);
+    }
+
+    fn finish_if_whole(&mut self, key: SectionKey) {
+        if self.builds.get(&key).is_some_and(|build| build.lacks.is_empty()) {
+            let Build { columns, damaged, .. } = self.builds.remove(&key).expect("just seen");
+            self.order.retain(|other| *other != key);
+            self.out.insert(key);
+            self.finished.push_back(Finished { key, columns, damaged, change: self.change });
+        }
+    }
+
+    /// A section that is finished, once.
+    pub fn take_finished(&mut self) -> Option<Finished> {
+        self.finished.pop_front()
+    }
+
+    /// A finished section has reached whoever wanted it.
+    pub fn taken(&mut self, key: SectionKey) {
+        self.out.remove(&key);
+    }
+
+    /// The chunk that the most urgent section lacks.
+    pub fn next_job(&mut self) -> Option<Job> {
+        let free = |key: &SectionKey| {
+            let lacks = self.builds.get(key)?.lacks.iter();
+            lacks.copied().find(|&chunk| !self.chunks[chunk as usize].busy)
+        };
+        let chunk = self.order.iter().find_map(free)?;
+        self.chunks[chunk as usize].busy = true;
+        let source = &mut self.sources[self.chunks[chunk as usize].source as usize];
+        source.busy += 1;
+        let targets = self
+            .builds
+            .iter()
+            .filter(|(_, build)| build.lacks.contains(&chunk))
+            .map(|(&key, build)| (key, Arc::clone(&build.columns)))
+            .collect();
+        Some(Job { chunk, input: Arc::clone(&source.input), index: (chunk - source.first) as usize, targets })
+    }
+
+    /// Takes in what came of a job.
+    pub fn done(&mut self, job: Job, outcome: Outcome) {
+        let Job { chunk, input, index, targets } = job;
+        let state = &mut self.chunks[chunk as usize];
+        state.busy = false;
+        let source = state.source as usize;
+        self.progress.points_read += outcome.points;
+        self.progress.bytes_read += input.file.chunks[index].byte_len;
+        let lost = matches!(outcome.error, Some(SourceError::Io { .. } | SourceError::Changed { .. }));
+        let broken = outcome.error.is_some();
+        if let Some(error) = outcome.error {
+            // A file that vanished or changed, or a disk that fails, is named once, not once a chunk.
+            let known = lost && std::mem::replace(&mut self.sources[source].lost, true);
+            if !known && !state.broken {
+                self.errors.push(error.to_string());
+            }
+            state.broken = true;
+        } else if state.cells.is_none() && outcome.cells.is_some() {
+            self.progress.chunks_known += 1;
+            state.cells = outcome.cells;
+        }
+        self.sources[source].busy -= 1;
+        if self.sources[source].busy == 0 {
+            input.file.bytes.release();
+        }
+        let gone = if lost { self.chunks_of(source) } else { chunk..chunk + 1 };
+        let cells = self.chunks[chunk as usize].cells;
+        let mut touched = Vec::new();
+        for (&key, build) in &mut self.builds {
+            let served =
+                targets.iter().any(|(of, columns)| *of == key && Arc::ptr_eq(columns, &build.columns));
+            if served {
+                build.bytes = super::bins::lock(&build.columns).bytes() as u64;
+            }
+            let outside = cells.is_some_and(|[low, high]| !touches(key, low, high));
+            if lost || served || outside {
+                let before = build.lacks.len();
+                build.lacks.retain(|chunk| !gone.contains(chunk));
+                if build.lacks.len() < before {
+                    build.damaged |= broken && (lost || served);
+                    touched.push(key);
+                }
+            }
+        }
+        drop(targets);
+        touched.into_iter().for_each(|key| self.finish_if_whole(key));
+        // The least urgent ones make room.
+        while self.bytes() > self.budget_bytes && self.builds.len() > 1 {
+            let rank =
+                |key: &SectionKey| self.order.iter().position(|other| other == key).unwrap_or(usize::MAX);
+            let last = self.builds.keys().copied().max_by_key(rank).expect("there are two");
+            self.builds.remove(&last);
+        }
+        self.admit();
+    }
+
+    /// What went wrong since this was asked last.
+    pub fn take_errors(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.errors)
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> Progress {
+        let lacking: BTreeSet<_> = self.builds.values().flat_map(|build| &build.lacks).collect();
+        Progress {
+            chunks: self.chunks.len() as u64,
+            builds: self.builds.len() as u64,
+            build_bytes: self.builds.values().map(|build| build.bytes).sum(),
+            lacking: lacking.len() as u64,
+            ..self.progress
+        }
+    }
+}

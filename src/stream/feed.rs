@@ -1,0 +1,328 @@
+//! Threads that read what is wanted: chunks into sections, finished sections into packed ones.
+
+use super::bins::{Binner, Core, Shared, lock};
+use super::builds::{Builds, Finished, Job, Outcome, Progress, cells_of, placed};
+use super::workers::Input;
+use crate::coords::{Grid, SectionKey};
+use crate::section::Packed;
+use crate::source::{Decoder, LidarFile, PointBlock};
+use crossbeam_channel::{Receiver, Sender};
+use glam::DVec3;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use thread_priority::{ThreadPriority, set_current_thread_priority};
+
+/// Packed sections that wait to be taken.
+const QUEUE: usize = 16;
+/// Points of the sparse sample, about.
+const SAMPLE_POINTS: usize = 1 << 17;
+/// Most records of a chunk of LAS in the sample.
+const RECORDS_OF_A_CHUNK: u64 = 256;
+
+/// A finished section.
+pub struct Arrival {
+    /// Which one.
+    pub key: SectionKey,
+    /// Its words; `None`: it holds no point.
+    pub packed: Option<Packed>,
+    /// Some of its points could not be read.
+    pub damaged: bool,
+    /// Changes to the set of files that it knows of; see [`Builds::change`].
+    pub change: u64,
+    /// It is of the sparse sample.
+    pub sparse: bool,
+}
+
+/// The sparse sample, while it is taken.
+struct Sample {
+    level: u8,
+    /// Points wanted of a file.
+    of_file: usize,
+    /// Files left, the next one last.
+    left: Vec<usize>,
+    /// Files that are being read.
+    busy: usize,
+    sections: Arc<Mutex<HashMap<SectionKey, Shared>>>,
+    change: u64,
+}
+
+struct State {
+    builds: Builds,
+    sample: Option<Sample>,
+}
+
+struct Inner {
+    state: Mutex<State>,
+    /// There may be something to do.
+    work: Condvar,
+    stop: AtomicBool,
+    grid: Grid,
+    core: Core,
+}
+
+impl Inner {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// What a thread does next.
+enum Task {
+    Sample { input: Arc<Input>, level: u8, of_file: usize, sections: Arc<Mutex<HashMap<SectionKey, Shared>>> },
+    Chunk(Job),
+    Pack(Finished),
+}
+
+/// The threads. Dropped, they end.
+pub struct Feed {
+    inner: Arc<Inner>,
+    threads: Vec<JoinHandle<()>>,
+    arrivals: Receiver<Arrival>,
+}
+
+/// [`Grid`] whose cells are those of a detail level.
+fn grid_at(grid: &Grid, level: u8) -> Grid {
+    Grid {
+        coarsen: grid.coarsen + u32::from(level),
+        anchor: grid.anchor.map(|anchor| anchor >> level),
+        ..*grid
+    }
+}
+
+impl Feed {
+    /// Starts `threads` threads; `wake` is called when something has arrived.
+    pub fn new(
+        builds: Builds,
+        grid: Grid,
+        core: Core,
+        threads: usize,
+        wake: impl Fn() + Send + Sync + 'static,
+    ) -> Feed {
+        let inner = Arc::new(Inner {
+            state: Mutex::new(State { builds, sample: None }),
+            work: Condvar::new(),
+            stop: AtomicBool::new(false),
+            grid,
+            core,
+        });
+        let (send, arrivals) = crossbeam_channel::bounded(QUEUE);
+        let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
+        let threads = (0..threads.max(1))
+            .map(|_| {
+                let (inner, send, wake) = (Arc::clone(&inner), send.clone(), Arc::clone(&wake));
+                std::thread::spawn(move || work(&inner, &send, &*wake))
+            })
+            .collect();
+        Feed { inner, threads, arrivals }
+    }
+
+    /// Looks at, or changes, what is being made.
+    pub fn with<R>(&self, look: impl FnOnce(&mut Builds) -> R) -> R {
+        let result = look(&mut self.inner.lock().builds);
+        self.inner.work.notify_all();
+        result
+    }
+
+    /// Takes the sparse sample of all files that are shown, into sections of `level`.
+    pub fn sample(&self, level: u8) {
+        let mut state = self.inner.lock();
+        let sources = state.builds.sources();
+        let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
+        let of_file = (SAMPLE_POINTS / left.len().max(1)).max(1);
+        let change = state.builds.change();
+        state.sample = Some(Sample { level, of_file, left, busy: 0, sections: Arc::default(), change });
+        drop(state);
+        self.inner.work.notify_all();
+    }
+
+    /// What has arrived.
+    pub fn try_take(&self) -> Option<Arrival> {
+        self.arrivals.try_recv().ok()
+    }
+
+    /// Waits for what arrives next.
+    pub fn take(&self, timeout: Duration) -> Option<Arrival> {
+        self.arrivals.recv_timeout(timeout).ok()
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> Progress {
+        self.inner.lock().builds.progress()
+    }
+}
+
+impl Drop for Feed {
+    fn drop(&mut self) {
+        {
+            // Under the lock, so that no thread is between looking and waiting.
+            let _state = self.inner.lock();
+            self.inner.stop.store(true, Ordering::Relaxed);
+        }
+        self.inner.work.notify_all();
+        // A thread may be sending.
+        let (_, closed) = crossbeam_channel::bounded(0);
+        drop(std::mem::replace(&mut self.arrivals, closed));
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn next(inner: &Inner) -> Option<Task> {
+    let mut state = inner.lock();
+    loop {
+        if inner.stop.load(Ordering::Relaxed) {
+            return None;
+        }
+        let State { builds, sample } = &mut *state;
+        if let Some(sample) = sample
+            && let Some(source) = sample.left.pop()
+        {
+            sample.busy += 1;
+            let input = Arc::clone(&builds.sources()[source].input);
+            let sections = Arc::clone(&sample.sections);
+            return Some(Task::Sample { input, level: sample.level, of_file: sample.of_file, sections });
+        }
+        if let Some(finished) = builds.take_finished() {
+            return Some(Task::Pack(finished));
+        }
+        if let Some(job) = builds.next_job() {
+            return Some(Task::Chunk(job));
+        }
+        state = inner.work.wait(state).unwrap_or_else(PoisonError::into_inner);
+    }
+}
+
+fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
+    // Frames come first (thesis, §3.3.5). Where that is not allowed they share.
+    let _ = set_current_thread_priority(ThreadPriority::Min);
+    let (mut decoder, mut binner) = (Decoder::default(), Binner::default());
+    while let Some(task) = next(inner) {
+        let mut packs = Vec::new();
+        match task {
+            Task::Pack(finished) => packs.push((finished, false)),
+            Task::Chunk(job) => {
+                let outcome = read(inner, &mut decoder, &mut binner, &job);
+                inner.lock().builds.done(job, outcome);
+                inner.work.notify_all();
+            }
+            Task::Sample { input, level, of_file, sections } => {
+                // What cannot be read is named when it is read for good.
+                let _ = sparse(inner, &mut decoder, &mut binner, &input, level, of_file, &sections);
+                input.file.bytes.release();
+                let mut state = inner.lock();
+                if let Some(sample) = &mut state.sample
+                    && Arc::ptr_eq(&sample.sections, &sections)
+                {
+                    sample.busy -= 1;
+                    if sample.busy == 0 && sample.left.is_empty() {
+                        let sample = state.sample.take().expect("just seen");
+                        packs.extend(lock(&sample.sections).drain().map(|(key, columns)| {
+                            (Finished { key, columns, damaged: false, change: sample.change }, true)
+                        }));
+                    }
+                }
+            }
+        }
+        for (Finished { key, columns, damaged, change }, sparse) in packs {
+            let columns = lock(&columns);
+            let packed = (columns.points() > 0).then(|| columns.pack());
+            drop(columns);
+            if send.send(Arrival { key, packed, damaged, change, sparse }).is_err() {
+                return;
+            }
+            wake();
+        }
+    }
+}
+
+/// Reads a chunk into all that lack it.
+fn read(inner: &Inner, decoder: &mut Decoder, binner: &mut Binner, job: &Job) -> Outcome {
+    let file = &job.input.file;
+    let chunk = &file.chunks[job.index];
+    let mut levels: HashMap<u8, HashMap<SectionKey, &Shared>> = HashMap::new();
+    for (key, columns) in &job.targets {
+        levels.entry(key.level).or_default().insert(SectionKey { level: 0, ..*key }, columns);
+    }
+    let levels: Vec<_> =
+        levels.into_iter().map(|(level, of_level)| (grid_at(&inner.grid, level), of_level)).collect();
+    let mut outcome = Outcome::default();
+    let mut raw: Option<[[i32; 2]; 2]> = None;
+    let result = decoder.decode(file, chunk, 0..chunk.records, &mut |block: &PointBlock| {
+        outcome.points += block.len() as u64;
+        for (axis, values) in [&block.x, &block.y].into_iter().enumerate() {
+            let (low, high) =
+                values.iter().fold((i32::MAX, i32::MIN), |(low, high), &v| (low.min(v), high.max(v)));
+            let raw = raw.get_or_insert([[i32::MAX; 2], [i32::MIN; 2]]);
+            raw[0][axis] = raw[0][axis].min(low);
+            raw[1][axis] = raw[1][axis].max(high);
+        }
+        for (grid, of_level) in &levels {
+            binner.bin_into(grid, &inner.core, &*job.input, block, &|key| {
+                of_level.get(&key).map(|&s| Arc::clone(s))
+            });
+        }
+    });
+    let header = &file.header;
+    let in_file =
+        |[x, y]: [i32; 2]| DVec3::new(f64::from(x), f64::from(y), 0.0) * header.scale + header.offset;
+    outcome.cells = raw
+        .and_then(|[low, high]| placed(&job.input.placement, [in_file(low), in_file(high)]))
+        .and_then(|[low, high]| cells_of(&inner.grid, low, high));
+    outcome.error = result.err();
+    outcome
+}
+
+/// Records of a chunk that a sample of `most` points of a file takes: of LAS, any can be read alone, of others the
+/// first is stored raw.
+fn sparse_of_chunk(file: &LidarFile, most: usize) -> u64 {
+    if file.header.compressed {
+        return 1;
+    }
+    (most / file.chunks.len().max(1)).clamp(1, RECORDS_OF_A_CHUNK as usize) as u64
+}
+
+/// Points in the sparse sample of such files.
+pub fn sparse_points<'a>(files: impl Iterator<Item = &'a LidarFile> + Clone) -> u64 {
+    let most = (SAMPLE_POINTS / files.clone().count().max(1)).max(1);
+    let of_file = |file: &LidarFile| {
+        (file.chunks.len().min(most) as u64 * sparse_of_chunk(file, most)).min(file.points())
+    };
+    files.map(of_file).sum()
+}
+
+/// Reads a few points of every chunk of a file.
+fn sparse(
+    inner: &Inner,
+    decoder: &mut Decoder,
+    binner: &mut Binner,
+    input: &Input,
+    level: u8,
+    most: usize,
+    sections: &Mutex<HashMap<SectionKey, Shared>>,
+) -> Result<(), crate::source::SourceError> {
+    let file = &input.file;
+    if file.chunks.is_empty() {
+        return Ok(());
+    }
+    let grid = grid_at(&inner.grid, level);
+    let mut bin = |block: &PointBlock| {
+        let section = |key: SectionKey| {
+            let key = SectionKey { level, ..key };
+            Some(Arc::clone(lock(sections).entry(key).or_default()))
+        };
+        binner.bin_into(&grid, &inner.core, input, block, &section);
+    };
+    bin(decoder.first_points(file, most)?);
+    let of_chunk = sparse_of_chunk(file, most);
+    for chunk in file.chunks.iter().filter(|_| of_chunk > 1) {
+        for k in 1..of_chunk.min(chunk.records) {
+            let record = chunk.records * k / of_chunk;
+            decoder.decode(file, chunk, record..record + 1, &mut bin)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,459 @@
+//! What is seen, kept live: the cut of the moment, what it lacks asked for, what has arrived uploaded, what is not
+//! seen any more given back. Called once a frame; never waits.
+
+use super::builds::{Builds, Progress};
+use super::feed::{Arrival, Feed, sparse_points};
+use super::pool::section_bytes;
+use super::residency::{Cut, Domain, MOST_LEVEL, Shown, Sight};
+use super::scene::{Scene, Upload};
+use crate::coords::{Grid, SectionKey};
+use crate::gpu::GpuError;
+use crate::section::Packed;
+use std::collections::{HashMap, HashSet};
+use std::time::Duration;
+
+/// Levels that the sparse sample's sections are coarser than the roots, at least: they are told apart by that.
+const SPARSE_ABOVE: u8 = 1;
+/// Points of the sample that a cell of its sections is to hold, about.
+const SPARSE_POINTS: u64 = 3;
+/// Ticks between two attempts to show more detail again.
+const COARSER_TICKS: u64 = 60;
+/// Places whose last use is remembered.
+const MOST_USED: usize = 1 << 16;
+/// Members beyond which a cut is coarsened before anything is read for it.
+const MOST_MEMBERS: usize = 1 << 16;
+
+/// A packed section in host memory.
+struct Kept {
+    packed: Packed,
+    used: u64,
+}
+
+/// What a tick has changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tick {
+    /// Another picture is to be drawn.
+    pub changed: bool,
+    /// Everything that is wanted is there.
+    pub complete: bool,
+    /// Not even the coarsest sections fit the device memory.
+    pub stuck: bool,
+}
+
+/// How things stand.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Status {
+    /// Files and chunks.
+    pub progress: Progress,
+    /// Sections that the camera wants, and how many of them are live or known to be empty.
+    pub wanted: usize,
+    /// See there.
+    pub ready: usize,
+    /// Sections on the device, wanted or not; without the sparse sample's.
+    pub resident: usize,
+    /// Sections that a file's fault has touched, of those that were made.
+    pub damaged: usize,
+    /// Bytes of sections in host memory: being made, waiting, kept.
+    pub host_bytes: u64,
+    /// Bytes of sections on the device.
+    pub device_bytes: u64,
+    /// How many times as many pixels as asked for a cell may cover, for lack of memory; 1: as asked for.
+    pub coarser: f64,
+}
+
+/// See the module.
+pub struct Live {
+    feed: Feed,
+    grid: Grid,
+    domain: Domain,
+    host_bytes: u64,
+    sight: Option<Sight>,
+    cut: Cut,
+    /// Members that are seen, most urgent first.
+    wanted: Vec<SectionKey>,
+    /// What was asked for last.
+    asked: Vec<SectionKey>,
+    shown: Vec<Shown>,
+    generation: Option<u64>,
+    sparse_level: u8,
+    sparse_there: bool,
+    empty: HashSet<SectionKey>,
+    damaged: HashSet<SectionKey>,
+    /// Made, not uploaded yet.
+    arrived: HashMap<SectionKey, Packed>,
+    /// Resident, but of the files as they were.
+    stale: HashSet<SectionKey>,
+    /// Uploaded before; the device may have given it back.
+    kept: HashMap<SectionKey, Kept>,
+    kept_bytes: u64,
+    /// When a section was wanted or shown last.
+    used: HashMap<SectionKey, u64>,
+    /// What files have touched, and from which change on.
+    changes: Vec<(u64, usize)>,
+    tick: u64,
+    coarser: f64,
+    /// Tick at which that was changed last.
+    coarsened: u64,
+    stuck: bool,
+}
+
+fn packed_bytes(packed: &Packed) -> u64 {
+    4 * packed.words.len() as u64
+}
+
+impl Live {
+    /// Of `builds`, which has its files. `host_bytes`: of everything that is held in host memory; `wake` is called when
+    /// there is something for [`Live::tick`].
+    pub fn new(
+        builds: impl FnOnce(u64) -> Builds,
+        grid: Grid,
+        core: super::bins::Core,
+        host_bytes: u64,
+        threads: usize,
+        wake: impl Fn() + Send + Sync + 'static,
+    ) -> Live {
+        let builds = builds(host_bytes / 4 * 3);
+        let mut live = Live {
+            feed: Feed::new(builds, grid, core, threads, wake),
+            grid,
+            domain: Domain::default(),
+            host_bytes,
+            sight: None,
+            cut: Cut::default(),
+            wanted: Vec::new(),
+            asked: Vec::new(),
+            shown: Vec::new(),
+            generation: None,
+            sparse_level: 0,
+            sparse_there: false,
+            empty: HashSet::new(),
+            damaged: HashSet::new(),
+            arrived: HashMap::new(),
+            stale: HashSet::new(),
+            kept: HashMap::new(),
+            kept_bytes: 0,
+            used: HashMap::new(),
+            changes: Vec::new(),
+            tick: 0,
+            coarser: 1.0,
+            coarsened: 0,
+            stuck: false,
+        };
+        live.look_at_files();
+        live
+    }
+
+    /// The domain of the files that are shown, and a sparse sample of them.
+    fn look_at_files(&mut self) {
+        let (extents, samples) = self.feed.with(|builds| {
+            let shown = || builds.sources().iter().filter(|source| source.shown);
+            let samples = sparse_points(shown().map(|source| &source.input.file));
+            (shown().filter_map(|source| source.extent).collect::<Vec<_>>(), samples)
+        });
+        let cells: f64 = extents
+            .iter()
+            .map(|e| (0..2).map(|axis| f64::from(e.high[axis]) - f64::from(e.low[axis])).product::<f64>())
+            .sum();
+        self.domain = Domain::new(&self.grid, extents);
+        let root = self.domain.roots().first().map_or(0, |key| key.level);
+        let of_level = |level: u8| cells * (-2.0 * f64::from(level)).exp2();
+        let enough = |level: &u8| of_level(*level) * SPARSE_POINTS as f64 <= samples as f64;
+        // The grid's anchor allows for no more.
+        let coarsest = MOST_LEVEL + 2;
+        self.sparse_level = (root + SPARSE_ABOVE..coarsest).find(enough).unwrap_or(coarsest);
+        self.sparse_there = false;
+        self.feed.sample(self.sparse_level);
+        self.sight = None;
+    }
+
+    /// Shows or hides a file: the sections that it touches are made anew, from the files that touch those.
+    pub fn show_file(&mut self, source: usize, shown: bool) {
+        self.feed.with(|builds| builds.show(source, shown));
+        self.files_changed(source);
+    }
+
+    fn files_changed(&mut self, source: usize) {
+        let made = self.empty.iter().chain(self.arrived.keys()).chain(self.kept.keys());
+        let known: HashSet<SectionKey> = made.chain(self.used.keys()).copied().collect();
+        let (touched, change) = self.feed.with(|builds| {
+            let touched: Vec<_> = known.into_iter().filter(|&key| builds.touches(source, key)).collect();
+            (touched, builds.change())
+        });
+        for key in touched {
+            self.empty.remove(&key);
+            self.damaged.remove(&key);
+            self.arrived.remove(&key);
+            if let Some(kept) = self.kept.remove(&key) {
+                self.kept_bytes -= packed_bytes(&kept.packed);
+            }
+            self.stale.insert(key);
+        }
+        self.changes.push((change, source));
+        self.look_at_files();
+    }
+
+    /// Does what can be done now for a camera that sees `sight`, uploading `most_bytes` at most.
+    pub fn tick(&mut self, scene: &mut Scene, sight: &Sight, most_bytes: u64) -> Result<Tick, GpuError> {
+        self.tick += 1;
+        let mut news = false;
+        while let Some(arrival) = self.feed.try_take() {
+            news |= self.arrive(arrival);
+        }
+        let moved = self.sight.as_ref() != Some(sight);
+        if moved {
+            self.stuck = false;
+            // Detail that was given up may fit another view, which is not tried in every frame.
+            if self.tick > self.coarsened + COARSER_TICKS {
+                self.coarser = (self.coarser * std::f64::consts::FRAC_1_SQRT_2).max(1.0);
+                self.coarsened = self.tick;
+            }
+            self.look(sight);
+        }
+        news |= self.upload(scene, sight, most_bytes)?;
+        scene.advance()?;
+        let changed = moved || news || self.generation != Some(scene.generation());
+        if changed {
+            self.generation = Some(scene.generation());
+            self.show(scene);
+        }
+        self.ask(scene);
+        let complete = self.sparse_there && self.missing(scene).next().is_none();
+        Ok(Tick { changed, complete, stuck: self.stuck })
+    }
+
+    /// Waits until something arrives, or for so long.
+    pub fn wait(&mut self, timeout: Duration) {
+        if let Some(arrival) = self.feed.take(timeout) {
+            self.arrive(arrival);
+        }
+    }
+
+    /// Whether it is news.
+    fn arrive(&mut self, arrival: Arrival) -> bool {
+        let Arrival { key, packed, damaged, change, sparse } = arrival;
+        if !sparse {
+            self.feed.with(|builds| builds.taken(key));
+        }
+        let outdated = self.changes.iter().any(|&(since, source)| {
+            since > change && (sparse || self.feed.with(|builds| builds.touches(source, key)))
+        });
+        if outdated || sparse && key.level != self.sparse_level {
+            return false;
+        }
+        self.sparse_there |= sparse;
+        if damaged {
+            self.damaged.insert(key);
+        }
+        match packed {
+            Some(packed) => {
+                if sparse {
+                    self.stale.insert(key);
+                }
+                self.arrived.insert(key, packed);
+            }
+            None => {
+                self.empty.insert(key);
+            }
+        }
+        true
+    }
+
+    /// Another view.
+    fn look(&mut self, sight: &Sight) {
+        loop {
+            let detail = match sight.detail {
+                // A quarter of a pixel is where giving up begins.
+                0.0 if self.coarser > 1.0 => 0.25 * self.coarser,
+                detail => detail * self.coarser,
+            };
+            self.cut = self.domain.cut(&Sight { detail, ..sight.clone() });
+            if self.cut.len() <= MOST_MEMBERS {
+                break;
+            }
+            self.coarser *= std::f64::consts::SQRT_2;
+        }
+        self.sight = Some(sight.clone());
+        let live: HashMap<_, _> = self.shown.iter().copied().collect();
+        let shown_level = |key: SectionKey| {
+            let around = std::iter::successors(Some(key), |key| Some(key.parent()));
+            let found = around.take(usize::from(MOST_LEVEL)).find_map(|key| live.get(&key));
+            found.map_or(self.sparse_level, |from| from.level)
+        };
+        // By what is missing most on the screen: pixels of the cells that stand in.
+        let mut wanted: Vec<_> = self
+            .cut
+            .wanted()
+            .map(|(key, pixels)| (pixels * f64::from(shown_level(key)).exp2(), key))
+            .collect();
+        wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        self.wanted = wanted.into_iter().map(|(_, key)| key).collect();
+        self.used.extend(self.wanted.iter().map(|&key| (key, self.tick)));
+    }
+
+    fn is_there(&self, scene: &Scene, key: SectionKey) -> bool {
+        self.empty.contains(&key) || scene.is_live(key) && !self.stale.contains(&key)
+    }
+
+    fn missing<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = SectionKey> + 'a {
+        self.wanted.iter().copied().filter(|&key| !self.is_there(scene, key))
+    }
+
+    /// Uploads what has arrived or is kept, the sparse sample first; gives whether anything else than sections that
+    /// become live is new.
+    fn upload(&mut self, scene: &mut Scene, sight: &Sight, most_bytes: u64) -> Result<bool, GpuError> {
+        let mut bytes = 0;
+        let mut news = false;
+        let sparse_level = self.sparse_level;
+        let is_sparse = move |key: &&SectionKey| key.level == sparse_level;
+        let mut order: Vec<SectionKey> = self.arrived.keys().filter(is_sparse).copied().collect();
+        let ready = |key: &&SectionKey| self.arrived.contains_key(key) || self.kept.contains_key(key);
+        order.extend(self.wanted.iter().filter(ready));
+        for key in order {
+            if scene.is_coming(key) || scene.is_live(key) && !self.stale.contains(&key) {
+                continue;
+            }
+            if bytes > most_bytes || self.stuck {
+                break;
+            }
+            let packed = match self.arrived.get(&key) {
+                Some(packed) => packed,
+                None => &self.kept[&key].packed,
+            };
+            match scene.try_upload(key, packed)? {
+                Upload::Started => {
+                    bytes += packed_bytes(packed);
+                    self.stale.remove(&key);
+                    self.keep(key);
+                }
+                Upload::Later => break,
+                Upload::Full => {
+                    let needed = section_bytes(&packed.layout);
+                    if !self.make_room(scene, needed)? {
+                        let roots = self.domain.roots().first().map_or(0, |root| root.level);
+                        self.stuck = self.wanted.iter().all(|key| key.level == roots);
+                        // Not even what is seen fits: all of it a little coarser.
+                        self.coarser *= std::f64::consts::SQRT_2;
+                        self.coarsened = self.tick;
+                        self.look(sight);
+                        news = true;
+                    }
+                    break;
+                }
+            }
+        }
+        // What is not wanted any more is worth keeping, not uploading.
+        if !self.arrived.is_empty() {
+            let wanted: HashSet<_> = self.wanted.iter().collect();
+            let unwanted = |key: &&SectionKey| !wanted.contains(key) && !is_sparse(key);
+            let unwanted: Vec<_> = self.arrived.keys().filter(unwanted).copied().collect();
+            unwanted.into_iter().for_each(|key| self.keep(key));
+        }
+        // What has become empty is not shown any more.
+        let gone: Vec<_> = self.stale.iter().filter(|key| self.empty.contains(key)).copied().collect();
+        if !gone.is_empty() {
+            scene.remove(&gone)?;
+            self.stale.retain(|key| !gone.contains(key));
+        }
+        Ok(news)
+    }
+
+    /// Gives back what is neither wanted nor shown, what was so longest ago first, until so many bytes are free.
+    fn make_room(&mut self, scene: &mut Scene, bytes: u64) -> Result<bool, GpuError> {
+        let wanted: HashSet<_> = self.wanted.iter().copied().collect();
+        let shown: HashSet<_> = self.shown.iter().map(|(_, from)| *from).collect();
+        let mut spare: Vec<_> = scene
+            .resident()
+            .filter(|key| !wanted.contains(key) && !shown.contains(key) && key.level != self.sparse_level)
+            .map(|key| (self.used.get(&key).copied().unwrap_or(0), key))
+            .collect();
+        spare.sort_unstable();
+        let mut room = 0;
+        let mut gone = Vec::new();
+        for (_, key) in spare {
+            if room >= bytes {
+                break;
+            }
+            room += scene.bytes_of(key);
+            gone.push(key);
+        }
+        scene.remove(&gone)?;
+        self.stale.retain(|key| !gone.contains(key));
+        Ok(!gone.is_empty())
+    }
+
+    /// Keeps a section that has arrived as long as there is room, in the place of those that were used longest ago.
+    fn keep(&mut self, key: SectionKey) {
+        let used = self.used.get(&key).copied().unwrap_or(0);
+        if let Some(kept) = self.kept.get_mut(&key) {
+            kept.used = self.tick;
+        }
+        let Some(packed) = self.arrived.remove(&key) else { return };
+        self.kept_bytes += packed_bytes(&packed);
+        if let Some(old) = self.kept.insert(key, Kept { packed, used }) {
+            self.kept_bytes -= packed_bytes(&old.packed);
+        }
+        while self.kept_bytes > self.host_bytes / 4 {
+            let oldest = self.kept.iter().min_by_key(|(key, kept)| (kept.used, **key));
+            let Some(oldest) = oldest.map(|(key, _)| *key) else { break };
+            let old = self.kept.remove(&oldest).expect("just seen");
+            self.kept_bytes -= packed_bytes(&old.packed);
+        }
+    }
+
+    fn show(&mut self, scene: &Scene) {
+        let live = |key: SectionKey| match scene.is_live(key) {
+            true => Some(true),
+            false => self.empty.contains(&key).then_some(false),
+        };
+        self.shown = self.cut.shown(&live);
+        self.used.extend(self.shown.iter().map(|(_, from)| (*from, self.tick)));
+        if self.used.len() > MOST_USED {
+            let (kept, now) = (&self.kept, self.tick);
+            self.used.retain(|key, used| *used == now || kept.contains_key(key) || scene.is_live(*key));
+        }
+    }
+
+    /// Asks for what is missing.
+    fn ask(&mut self, scene: &Scene) {
+        let there = |key: &SectionKey| {
+            self.arrived.contains_key(key) || self.kept.contains_key(key) || scene.is_coming(*key)
+        };
+        let missing: Vec<_> = self.missing(scene).filter(|key| !there(key)).collect();
+        if missing != self.asked {
+            self.feed.with(|builds| builds.want(missing.clone()));
+            self.asked = missing;
+        }
+    }
+
+    /// Each place and the section that it shows.
+    pub fn shown(&self) -> &[Shown] {
+        &self.shown
+    }
+
+    /// Whether the sparse sample has arrived.
+    pub fn sampled(&self) -> bool {
+        self.sparse_there
+    }
+
+    /// How things stand.
+    pub fn status(&self, scene: &Scene) -> Status {
+        let progress = self.feed.progress();
+        let missing = self.missing(scene).count();
+        let arrived: u64 = self.arrived.values().map(packed_bytes).sum();
+        Status {
+            wanted: self.wanted.len(),
+            ready: self.wanted.len() - missing,
+            resident: scene.resident().filter(|key| key.level != self.sparse_level).count(),
+            damaged: self.damaged.len(),
+            host_bytes: progress.build_bytes + arrived + self.kept_bytes,
+            device_bytes: scene.pool().held_bytes(),
+            coarser: self.coarser,
+            progress,
+        }
+    }
+
+    /// What went wrong since this was asked last.
+    pub fn take_errors(&mut self) -> Vec<String> {
+        self.feed.with(Builds::take_errors)
+    }
+}
