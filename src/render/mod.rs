@@ -5,4 +5,6 @@ pub mod frame;
 pub mod image;
 pub mod path;
 pub mod reference;
+#[cfg(feature = "view")]
+pub mod screen;
 pub mod whole_file;
