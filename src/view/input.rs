@@ -237,7 +237,7 @@ impl Input {
     pub fn flight(&self) -> [f64; 3] {
         let along =
             |plus, minus| f64::from(self.held.contains(&plus)) - f64::from(self.held.contains(&minus));
-        let speed = 0.5 * self.speed.unwrap_or(1.0) * if self.faster { 4.0 } else { 1.0 };
+        let speed = 0.35 * self.speed.unwrap_or(1.0) * if self.faster { 4.0 } else { 1.0 };
         [
             along(KeyCode::KeyD, KeyCode::KeyA),
             along(KeyCode::KeyW, KeyCode::KeyS),

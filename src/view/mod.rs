@@ -222,7 +222,8 @@ struct Viewer {
     modifiers: ModifiersState,
     panel: Panel,
     settings: Settings,
-    colors: Option<ColorTable>,
+    /// Of the mode that was asked for: a field that is the same everywhere is drawn grey, through another.
+    colors: Option<(ColorMode, ColorTable)>,
     /// Where in the window the picture is.
     place: overlay::Place,
     wanted: Option<Wanted>,

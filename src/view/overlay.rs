@@ -51,25 +51,20 @@ fn text(painter: &Painter, at: Pos2, align: Align2, words: &str, size: f32) -> R
     painter.text(at, align, words, font, INK)
 }
 
-/// Points to the north, as seen in the picture.
+/// Points to the north: a compass that lies flat, whatever the elevation.
 pub fn north_arrow(painter: &Painter, place: Place, camera: &Camera) {
-    // How long a step to the north or the east looks, on the ground.
-    let seen = |world: DVec3| vec2(world.dot(camera.right()) as f32, -world.dot(camera.up()) as f32);
-    let (north, east) = (seen(DVec3::Y), seen(DVec3::X));
-    let radius = 21.0;
+    let (sin, cos) = (camera.angles()[0].to_radians() as f32).sin_cos();
+    let north = vec2(-sin, -cos);
+    let radius = 26.0;
     let center = pos2(place.rect.right() - MARGIN - radius, place.rect.top() + MARGIN + radius);
-    painter.circle_filled(center, radius + 4.0, Color32::from_black_alpha(110));
-    painter.circle_stroke(center, radius + 4.0, Stroke::new(1.0, Color32::from_white_alpha(50)));
-    let tip = center + north * (radius - 4.0);
-    let tail = center - north * (radius - 4.0);
-    // Looking level, the needle is seen from its end: it stays wide enough to be seen.
-    let across =
-        if north.length() > 0.15 { north.normalized().rot90() * 5.5 } else { east.normalized() * 5.5 };
-    painter.add(Shape::convex_polygon(vec![tip, center + across, center - across], NORTH, Stroke::NONE));
-    painter.add(Shape::convex_polygon(vec![tail, center - across, center + across], INK, Stroke::NONE));
-    let letter =
-        center + if north.length() > 0.15 { north.normalized() } else { vec2(0.0, -1.0) } * (radius + 13.0);
-    text(painter, letter, Align2::CENTER_CENTER, "N", 13.0);
+    painter.circle_filled(center, radius, Color32::from_black_alpha(120));
+    painter.circle_stroke(center, radius, Stroke::new(1.0, Color32::from_white_alpha(60)));
+    let across = north.rot90() * 5.0;
+    let middle = center - north * 4.0;
+    let [tip, tail] = [middle + north * 15.0, middle - north * 15.0];
+    painter.add(Shape::convex_polygon(vec![tip, middle + across, middle - across], NORTH, Stroke::NONE));
+    painter.add(Shape::convex_polygon(vec![tail, middle - across, middle + across], INK, Stroke::NONE));
+    text(painter, center + north * 18.5, Align2::CENTER_CENTER, "N", 11.0);
 }
 
 /// A bar of a round length at the distance of `target`, the middle of what is looked at.

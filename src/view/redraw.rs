@@ -3,7 +3,7 @@
 use super::data::{Data, Status};
 use super::panel::{self, Settings, Shown};
 use super::{LATER, Options, Question, SAMPLES, SOON, Viewer, Wanted, overlay};
-use crate::attribute::ColorTable;
+use crate::attribute::{ColorMode, ColorTable};
 use crate::render::camera::Camera;
 use crate::render::frame::{Background, Renderer, Traversal, View, check_size};
 use egui::{Color32, FontId, Rect};
@@ -24,7 +24,7 @@ pub(super) fn traced<'a>(
     data: &Data,
     settings: &Settings,
     camera: &'a Camera,
-    colors: Option<&'a ColorTable>,
+    colors: Option<&'a (ColorMode, ColorTable)>,
     size: [u32; 2],
 ) -> Option<View<'a>> {
     let bounds = data.about()?.bounds;
@@ -36,7 +36,7 @@ pub(super) fn traced<'a>(
         pivot: bounds.min.z,
         bounds,
         floor: floor(data)?,
-        colors: colors?,
+        colors: &colors?.1,
         shade: settings.shade,
         background: Background::Sky,
         traversal: Traversal::Fast,
@@ -122,15 +122,24 @@ impl Viewer {
         }
         let has_settled = !has_more && !tick.is_busy && !is_moving && self.data.status().is_complete;
         if has_settled && !self.has_settled {
-            let [width, height] = self.place.size;
-            self.log(format_args!(
-                "settled {width}x{height} sections {}",
-                self.data.status().sections_resident
-            ));
+            self.log_settled();
         }
         self.has_settled = has_settled;
         let is_over = options.path.as_ref().is_some_and(|(_, frames)| self.played >= *frames);
         Ok(is_over && options.quit)
+    }
+
+    /// Everything has come and the picture is finished.
+    fn log_settled(&self) {
+        let ([width, height], status) = (self.place.size, self.data.status());
+        if let Some(why) = &status.failed {
+            self.log(format_args!("failed {why}"));
+        }
+        let (eye, [azimuth, elevation]) = (self.camera.eye(), self.camera.angles());
+        self.log(format_args!(
+            "settled {width}x{height} eye {:.2},{:.2},{:.2} look {azimuth:.2},{elevation:.2} sections {}",
+            eye.x, eye.y, eye.z, status.sections_resident
+        ));
     }
 
     /// Files that were dropped onto the window: views and data.
@@ -170,7 +179,7 @@ impl Viewer {
         let shown = Shown {
             about: self.data.about(),
             status: &status,
-            colors: self.colors.as_ref(),
+            colors: self.colors.as_ref().map(|(_, table)| table),
             times: &self.times,
             under_cursor,
             state: self.state(&status),
@@ -247,10 +256,9 @@ impl Viewer {
             self.data.scene_mut().show(visibility)?;
         }
         let color = self.settings.color;
-        let is_current =
-            self.wanted.as_ref().is_some_and(|w| w.settings.color == color) && self.colors.is_some();
+        let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == color);
         if !is_current && let Some(about) = self.data.about() {
-            self.colors = Some(ColorTable::new(color, &about.summary, None, None)?);
+            self.colors = Some((color, ColorTable::new(color, &about.summary, None, None)?));
             self.log(format_args!("color {}", color.name()));
         }
         Ok(())
