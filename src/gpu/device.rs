@@ -175,7 +175,13 @@ impl Gpu {
         for (physical, info) in &mut devices {
             info.missing.extend(surface.missing(&instance.handle, *physical));
         }
-        let presents = |physical, family| Some(surface.presents(physical, family));
+        let mut shows = std::collections::HashMap::new();
+        for (physical, _) in &devices {
+            shows.insert(*physical, surface.families(&instance.handle, *physical));
+        }
+        // Before the instance, which goes with the choice if that fails.
+        drop(surface);
+        let presents = |physical, family: u32| Some(shows[&physical][family as usize]);
         Gpu::choose(instance, devices, options, presents)
     }
 
@@ -431,7 +437,7 @@ struct QueuePlan {
 }
 
 impl QueuePlan {
-    /// `presents`: whether a family can show pictures; `None` where that does not matter.
+    /// `presents`: whether a family computes, draws and shows pictures; `None` where that does not matter.
     fn of(
         families: &[vk::QueueFamilyProperties],
         presents: impl Fn(u32) -> Option<bool>,
@@ -446,12 +452,9 @@ impl QueuePlan {
         };
         let none = vk::QueueFlags::empty();
         let (compute_flag, graphics) = (vk::QueueFlags::COMPUTE, vk::QueueFlags::GRAPHICS);
-        let shows = |family: u32| {
-            let all = compute_flag | graphics;
-            families[family as usize].queue_flags.contains(all) && presents(family) == Some(true)
-        };
-        let compute = if (0..families.len() as u32).any(|family| presents(family).is_some()) {
-            (0..families.len() as u32).find(|&family| shows(family))?
+        let mut all = 0..families.len() as u32;
+        let compute = if all.clone().any(|family| presents(family).is_some()) {
+            all.find(|&family| presents(family) == Some(true))?
         } else {
             // A family that also draws can present.
             find(compute_flag | graphics, none).or_else(|| find(compute_flag, none))?

@@ -46,31 +46,29 @@ impl RawSurface {
         Ok(RawSurface { loader: khr::surface::Instance::new(entry, instance), handle })
     }
 
-    /// Whether a family of a device can show pictures here.
-    pub fn presents(&self, physical: vk::PhysicalDevice, family: u32) -> bool {
-        // SAFETY: the device was enumerated from the surface's instance, and the family is one of its own.
-        unsafe { self.loader.get_physical_device_surface_support(physical, family, self.handle) }
-            .unwrap_or(false)
+    /// Which families of a device draw, compute and show pictures here.
+    pub fn families(&self, instance: &ash::Instance, physical: vk::PhysicalDevice) -> Vec<bool> {
+        // SAFETY: the device was enumerated from this instance.
+        let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+        let all = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
+        let shows = |family: u32| {
+            // SAFETY: the device was enumerated from the surface's instance, and the family is one of its own.
+            unsafe { self.loader.get_physical_device_surface_support(physical, family, self.handle) }
+        };
+        (0..).zip(&families).map(|(k, f)| f.queue_flags.contains(all) && shows(k).unwrap_or(false)).collect()
     }
 
     /// What a device lacks to show pictures here.
     pub fn missing(&self, instance: &ash::Instance, physical: vk::PhysicalDevice) -> Vec<&'static str> {
         // SAFETY: the device was enumerated from this instance.
-        let (extensions, families) = unsafe {
-            (
-                instance.enumerate_device_extension_properties(physical).unwrap_or_default(),
-                instance.get_physical_device_queue_family_properties(physical),
-            )
-        };
+        let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
+        let is_swapchain =
+            |e: &vk::ExtensionProperties| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME);
         let mut missing = Vec::new();
-        if !extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(khr::swapchain::NAME)) {
+        if !extensions.unwrap_or_default().iter().any(is_swapchain) {
             missing.push("VK_KHR_swapchain");
         }
-        let all = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
-        let shows = |(k, f): (u32, &vk::QueueFamilyProperties)| {
-            f.queue_flags.contains(all) && self.presents(physical, k)
-        };
-        if !(0..).zip(&families).any(shows) {
+        if !self.families(instance, physical).contains(&true) {
             missing.push("a queue that shows pictures in this window");
         }
         missing
@@ -112,7 +110,6 @@ struct Chain {
 
 /// Images that the window shows. Made again when the window changes; no image while it is minimised.
 pub struct Swapchain {
-    gpu: Gpu,
     loader: khr::swapchain::Device,
     chain: Option<Chain>,
     /// One for every frame in flight.
@@ -121,9 +118,10 @@ pub struct Swapchain {
     /// Of the window, pixels.
     wanted: [u32; 2],
     stale: bool,
-    // The surface goes before the window does.
+    // The surface goes before the window and the instance do.
     surface: Option<RawSurface>,
     window: Arc<dyn Window>,
+    gpu: Gpu,
 }
 
 impl Swapchain {
@@ -136,7 +134,6 @@ impl Swapchain {
     ) -> Result<Swapchain> {
         let instance = &gpu.0.instance;
         let mut swapchain = Swapchain {
-            gpu: gpu.clone(),
             loader: khr::swapchain::Device::new(&instance.handle, gpu.device()),
             chain: None,
             free: Vec::new(),
@@ -145,6 +142,7 @@ impl Swapchain {
             stale: true,
             surface: Some(RawSurface::new(&instance.entry, &instance.handle, &*window)?),
             window,
+            gpu: gpu.clone(),
         };
         for _ in 0..frames_in_flight {
             let semaphore = swapchain.semaphore("image is free")?;

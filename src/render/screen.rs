@@ -116,6 +116,12 @@ impl Screen {
         })
     }
 
+    /// Forgets what is under way: the scene is another one. The last picture stays.
+    pub fn forget(&mut self) {
+        (self.work, self.hits) = (None, None);
+        self.slots.clear();
+    }
+
     /// Begins a picture of `size`; the last one that is whole stays until its first sample is there.
     pub fn start(&mut self, size: [u32; 2]) {
         self.work = Some(Work { size, sample: 0, next_row: 0 });

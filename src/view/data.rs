@@ -23,6 +23,8 @@ use std::time::{Duration, Instant};
 
 /// Time that one frame may spend on uploads.
 const SLICE: Duration = Duration::from_millis(4);
+/// Ticks after which what was uploaded is sure to be built: a frame waits for the one before the last.
+const SETTLED: u32 = 6;
 /// Sections that are packed and wait for the device.
 const PACKED_AHEAD: usize = 4;
 
@@ -150,6 +152,8 @@ pub struct Data {
     grid: Grid,
     anchor: Height,
     entries: usize,
+    /// Ticks since the device was last given something.
+    quiet: u32,
     status: Status,
 }
 
@@ -179,6 +183,7 @@ impl Data {
             grid: Grid { base_cell: 1.0, coarsen: 0, anchor: [0; 2] },
             anchor: Height(0),
             entries: 0,
+            quiet: SETTLED,
             status,
         })
     }
@@ -245,10 +250,8 @@ impl Data {
         let entries = scene.entries().len();
         tick.changed |= entries != self.entries || tick.is_new_scene;
         // What has been uploaded is built a frame or two later.
-        tick.is_busy = uploaded
-            || !loading.is_empty()
-            || (entries as u64) < self.status.sections_resident && tick.changed
-            || self.entries != entries;
+        self.quiet = if uploaded || entries != self.entries { 0 } else { self.quiet.saturating_add(1) };
+        tick.is_busy = self.quiet < SETTLED || !loading.is_empty();
         self.entries = entries;
         self.status.device_bytes[0] = gpu.allocated_bytes();
         Ok(tick)

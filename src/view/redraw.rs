@@ -56,6 +56,8 @@ impl Viewer {
         if tick.is_new_scene {
             self.renderer = None;
             self.colors = None;
+            self.screen.forget();
+            (self.asked, self.answers_due) = (None, false);
             self.log(format_args!("scene"));
         }
         if let Some(renderer) = &self.renderer {
