@@ -1,4 +1,4 @@
-//! Compiles `shaders/*.comp` (and those of the tests) into SPIR-V words that the crate includes.
+//! Compiles `shaders/*.comp` (and those of the tests), `*.vert` and `*.frag` into SPIR-V words that the crate includes.
 //!
 //! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
 //! an `#ifdef POOL_SSBO`, itself or in an include, is compiled as `NAME`, and as `NAME_SSBO` with it; so with
@@ -61,18 +61,23 @@ fn fail(message: &str) -> ! {
     process::exit(1);
 }
 
-/// Every `.comp` file of `folder` as Rust source: `pub static NAME: &[u32]`.
+/// Every shader of `folder` as Rust source: `pub static NAME: &[u32]`, for `NAME.vert` and `NAME.frag` `NAME_VERT` and
+/// `NAME_FRAG`.
 fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
     let mut sources: Vec<PathBuf> = match fs::read_dir(folder) {
         Ok(entries) => entries.flatten().map(|e| e.path()).collect(),
         Err(_) => Vec::new(), // a published package has no tests
     };
-    sources.retain(|p| p.extension().is_some_and(|e| e == "comp"));
+    sources.retain(|p| p.extension().is_some_and(|e| e == "comp" || e == "vert" || e == "frag"));
     sources.sort();
     let mut text = String::new();
     for source in &sources {
         let stem = source.file_stem().and_then(|s| s.to_str()).ok_or("a shader's name is not UTF-8")?;
-        let mut variants = vec![(stem.to_uppercase(), None)];
+        let stage = match source.extension().and_then(|e| e.to_str()) {
+            Some(stage @ ("vert" | "frag")) => format!("_{}", stage.to_uppercase()),
+            _ => String::new(),
+        };
+        let mut variants = vec![(stem.to_uppercase() + &stage, None)];
         for (suffix, define) in [("SSBO", "POOL_SSBO"), ("TEXELS", "POOL_TEXELS")] {
             // The baseline goes by address alone.
             if stem != "thesis" && asks_for(source, &format!("#ifdef {define}"), 0)? {
@@ -151,8 +156,13 @@ fn compile(source: &Path, define: Option<&str>, _out: &Path) -> Result<Vec<u32>,
         Ok(ResolvedInclude { resolved_name: path.to_string_lossy().into_owned(), content })
     });
     let name = source.to_string_lossy();
+    let kind = match source.extension().and_then(|e| e.to_str()) {
+        Some("vert") => ShaderKind::Vertex,
+        Some("frag") => ShaderKind::Fragment,
+        _ => ShaderKind::Compute,
+    };
     compiler
-        .compile_into_spirv(&text, ShaderKind::Compute, &name, "main", Some(&options))
+        .compile_into_spirv(&text, kind, &name, "main", Some(&options))
         .map(|artifact| artifact.as_binary().to_vec())
         .map_err(|e| e.to_string())
 }

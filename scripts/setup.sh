@@ -43,12 +43,20 @@ missing_to_render() {
     has_new_cargo || command -v curl >/dev/null || echo curl ca-certificates
 }
 
-# Prints the packages that are missing to test: the reference driver and the validation layer.
+# Prints the packages that are missing to test: the reference driver, the validation layer, and for the window a display
+# without a screen, what moves its mouse, and the libraries of X clients that are loaded at run time.
 missing_to_test() {
     if [ "$(uname)" = Linux ]; then
         has_any /usr/share/vulkan/icd.d/lvp_icd*.json || echo mesa-vulkan-drivers
         has_any /usr/share/vulkan/explicit_layer.d/VkLayer_khronos_validation.json \
             /etc/vulkan/explicit_layer.d/VkLayer_khronos_validation.json || echo vulkan-validationlayers
+        command -v Xvfb >/dev/null || echo xvfb
+        command -v xdotool >/dev/null || echo xdotool
+        local library
+        for library in libx11-6:libX11.so.6 libx11-xcb1:libX11-xcb.so.1 libxcursor1:libXcursor.so.1 \
+            libxi6:libXi.so.6 libxkbcommon-x11-0:libxkbcommon-x11.so.0; do
+            has_any /usr/lib/*/"${library#*:}" /usr/lib/"${library#*:}" /usr/lib64/"${library#*:}" || echo "${library%:*}"
+        done
     fi
 }
 

@@ -2,6 +2,7 @@
 
 use crate::command;
 use clap::{Parser, Subcommand};
+use std::ffi::OsString;
 
 /// Opens raw airborne LiDAR (LAS, LAZ, COPC) and ray-traces it on any Vulkan GPU
 #[derive(Debug, Parser)]
@@ -14,6 +15,7 @@ pub struct Cli {
 
 const EXAMPLES: &str = "\
 Examples:
+  lasray tiles/                                       the whole folder in a window
   lasray render tiles/ -o city.png                    the whole folder, framed, in its own colours
   lasray render tiles/ -o map.png --ortho 0.25        a map from above, with world file
   lasray render a.laz --orbit 45,20 --hide 3,4,5 -o bare.png
@@ -24,6 +26,9 @@ Examples:
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
+    /// Open a window and look around (also without the word: lasray INPUT)
+    #[cfg(feature = "view")]
+    View(Box<command::view::Args>),
     /// Draw a picture: PNG for people, EXR with distances, heights and classes for programs
     Render(Box<command::render::Args>),
     /// What is in the files, and how they would be drawn
@@ -32,4 +37,43 @@ pub enum Command {
     Bench(Box<command::bench::Args>),
     /// Write the scan of a town that does not exist, with known geometry
     Synth(command::synth::Args),
+}
+
+/// The words of the command line, with `view` where inputs stand in the place of a command.
+pub fn words(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let mut words: Vec<_> = given.into_iter().collect();
+    let is_input = words.get(1).is_some_and(|word| {
+        let text = word.to_string_lossy();
+        // A command that is misspelt is no file.
+        let is_path = text.contains(['/', '\\', '.', '*', '?']) || std::path::Path::new(word).exists();
+        !text.starts_with('-') && (is_path || text.starts_with('@')) && !is_command(&text)
+    });
+    if is_input && cfg!(feature = "view") {
+        words.insert(1, "view".into());
+    }
+    words
+}
+
+fn is_command(word: &str) -> bool {
+    word == "help" || Command::has_subcommand(word)
+}
+
+#[cfg(all(test, feature = "view"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn inputs_without_a_command_are_viewed() {
+        let second = |word: &str| {
+            let words = words(["lasray", word].map(OsString::from));
+            (words.len() == 3).then(|| words[1].to_string_lossy().into_owned())
+        };
+        for word in ["a.laz", "tiles/", ".", "@list.txt", "*.las", "src"] {
+            assert_eq!(second(word).as_deref(), Some("view"), "{word}");
+        }
+        for word in ["render", "rendre", "--help", "-V", "help", "view", "info"] {
+            assert_eq!(second(word), None, "{word}");
+        }
+        assert_eq!(words([OsString::from("lasray")]).len(), 1);
+    }
 }

@@ -1,7 +1,7 @@
 //! Opens raw airborne LiDAR (LAS, LAZ, COPC) and ray-traces it on any Vulkan GPU.
 //!
 //! Data moves one way: `source` (files, chunks) → `section` (points to columns) →
-//! `stream` (pool, transfer) → `render` (traversal, image). Imports run downward only.
+//! `stream` (pool, transfer) → `render` (traversal, image) → `view` (window). Imports run downward only.
 
 pub mod attribute;
 pub mod bench;
@@ -17,3 +17,5 @@ pub mod section;
 pub mod source;
 pub mod stream;
 pub mod synth;
+#[cfg(feature = "view")]
+pub mod view;

@@ -1,7 +1,7 @@
 //! `lasray`: parse, run, exit code.
 
 use clap::Parser;
-use lasray::cli::{Cli, Command};
+use lasray::cli::{self, Cli, Command};
 use lasray::command::{self, Outcome, UsageError};
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
@@ -13,10 +13,12 @@ const USAGE: u8 = 2;
 
 fn main() -> ExitCode {
     // Parsing ends the process with code 2 where the words are wrong.
-    let cli = Cli::parse();
+    let cli = Cli::parse_from(cli::words(std::env::args_os()));
     let filter = EnvFilter::try_from_env("LASRAY_LOG").unwrap_or_else(|_| EnvFilter::new("error"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
     let result = match cli.command {
+        #[cfg(feature = "view")]
+        Command::View(args) => command::view::run(*args),
         Command::Render(args) => command::render::run(*args),
         Command::Bench(args) => command::bench::run(*args),
         Command::Info(args) => command::info::run(args),

@@ -65,6 +65,11 @@ impl Problems {
         }
     }
 
+    /// Lines that were not printed, each with its severity, instead of printing them.
+    pub fn take_lines(&mut self) -> Vec<String> {
+        self.lines.drain(..).map(|(severity, line)| format!("{severity}: {line}")).collect()
+    }
+
     /// Warnings and errors so far, printed or not.
     pub fn said(&self) -> u64 {
         self.said

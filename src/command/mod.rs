@@ -4,6 +4,8 @@ pub mod bench;
 pub mod info;
 pub mod render;
 pub mod synth;
+#[cfg(feature = "view")]
+pub mod view;
 
 /// Arguments that are wrong for themselves or together: exit code 2.
 #[derive(Debug, thiserror::Error)]

@@ -176,19 +176,19 @@ enum Surface {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Cell(Option<f64>);
+pub(super) struct Cell(pub(super) Option<f64>);
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Color(Option<ColorMode>);
+pub(super) struct Color(pub(super) Option<ColorMode>);
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Orbit {
-    angles: [f64; 2],
-    distance: Option<f64>,
+pub(super) struct Orbit {
+    pub(super) angles: [f64; 2],
+    pub(super) distance: Option<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct ClassList(Vec<u8>);
+pub(super) struct ClassList(pub(super) Vec<u8>);
 
 fn number(text: &str) -> Result<f64, String> {
     let value: f64 = text.trim().parse().map_err(|_| format!("'{text}' is not a number"))?;
@@ -205,16 +205,16 @@ fn detail(text: &str) -> Result<f64, String> {
     if value >= 0.0 { Ok(value) } else { Err(format!("{value} is below 0")) }
 }
 
-fn fov(text: &str) -> Result<f64, String> {
+pub(super) fn fov(text: &str) -> Result<f64, String> {
     let value = positive(text)?;
     if value < 180.0 { Ok(value) } else { Err(format!("{value} degrees is not below 180")) }
 }
 
-fn cell(text: &str) -> Result<Cell, String> {
+pub(super) fn cell(text: &str) -> Result<Cell, String> {
     if text == "auto" { Ok(Cell(None)) } else { positive(text).map(|c| Cell(Some(c))) }
 }
 
-fn color(text: &str) -> Result<Color, String> {
+pub(super) fn color(text: &str) -> Result<Color, String> {
     if text == "auto" {
         return Ok(Color(None));
     }
@@ -227,14 +227,14 @@ fn numbers(text: &str) -> Result<Vec<f64>, String> {
     text.split(',').map(number).collect()
 }
 
-fn vector(text: &str) -> Result<DVec3, String> {
+pub(super) fn vector(text: &str) -> Result<DVec3, String> {
     match numbers(text)?[..] {
         [e, n, u] => Ok(DVec3::new(e, n, u)),
         _ => Err(format!("'{text}' is not E,N,U")),
     }
 }
 
-fn orbit(text: &str) -> Result<Orbit, String> {
+pub(super) fn orbit(text: &str) -> Result<Orbit, String> {
     match numbers(text)?[..] {
         [_, elevation, ..] if elevation.abs() > 90.0 => {
             Err(format!("elevation {elevation} is not within -90 (straight up) and 90 (straight down)"))
@@ -264,7 +264,7 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
-fn classes(text: &str) -> Result<ClassList, String> {
+pub(super) fn classes(text: &str) -> Result<ClassList, String> {
     let class = |s: &str| {
         let value: u32 = s.trim().parse().map_err(|_| format!("'{s}' is not a class"))?;
         u8::try_from(value).map_err(|_| format!("class {value} is out of range: classes are 0 to 255"))
@@ -285,7 +285,7 @@ fn classes(text: &str) -> Result<ClassList, String> {
     Ok(ClassList(list))
 }
 
-fn bytes(text: &str) -> Result<u64, String> {
+pub(super) fn bytes(text: &str) -> Result<u64, String> {
     let wrong = || format!("'{text}' is not a number of bytes such as 512MiB or 2GiB");
     let split = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
     let (digits, unit) = text.split_at(split);

@@ -69,6 +69,8 @@ pub struct Commands {
     pub(super) stage: Stage,
     /// What the submit waits for.
     pub(super) waits: Vec<Wait>,
+    /// For a frame that is shown: the image is free, and it is drawn.
+    pub(super) shown: Option<[vk::Semaphore; 2]>,
     raw: Option<RawCommands>,
     kept: Vec<Box<dyn Any + Send>>,
     layout: vk::PipelineLayout,
@@ -88,6 +90,7 @@ impl Commands {
             queue,
             stage,
             waits: Vec::new(),
+            shown: None,
             raw: Some(raw),
             kept: Vec::new(),
             layout: vk::PipelineLayout::null(),
@@ -179,9 +182,18 @@ impl Commands {
     }
 
     pub(super) fn barrier(&mut self, barrier: vk::MemoryBarrier2<'_>) {
-        let barriers = [barrier];
-        let dependency = vk::DependencyInfo::default().memory_barriers(&barriers);
-        // SAFETY: the command buffer is being recorded; a global barrier names no object.
+        self.barriers(&[barrier], &[]);
+    }
+
+    pub(super) fn barriers(
+        &mut self,
+        barriers: &[vk::MemoryBarrier2<'_>],
+        images: &[vk::ImageMemoryBarrier2<'_>],
+    ) {
+        let dependency =
+            vk::DependencyInfo::default().memory_barriers(barriers).image_memory_barriers(images);
+        // SAFETY: the command buffer is being recorded; a global barrier names no object, and images are a
+        // swapchain's, which waits for the device before it goes.
         unsafe { self.gpu.device().cmd_pipeline_barrier2(self.handle(), &dependency) };
     }
 
@@ -205,7 +217,12 @@ impl Commands {
         self.queue
     }
 
-    fn handle(&self) -> vk::CommandBuffer {
+    #[cfg(feature = "view")]
+    pub(super) fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    pub(super) fn handle(&self) -> vk::CommandBuffer {
         self.raw.as_ref().expect("taken only by Drop").buffer
     }
 }

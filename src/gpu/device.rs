@@ -136,6 +136,8 @@ pub(super) struct Inner {
     pub compute: Queue,
     /// `None`: the compute queue itself.
     pub transfer: Option<Queue>,
+    #[cfg(feature = "view")]
+    pub physical: vk::PhysicalDevice,
     /// Held around every queue call: Vulkan wants queues used by one thread at a time.
     pub submitting: Mutex<()>,
     pub has_host_query_reset: bool,
@@ -143,12 +145,12 @@ pub(super) struct Inner {
     info: DeviceInfo,
     limits: Limits,
     // Last: the device goes before the instance does.
-    instance: Instance,
+    pub(super) instance: Instance,
 }
 
 /// Lists what the loader finds, usable or not.
 pub fn list_devices() -> Result<Vec<DeviceInfo>> {
-    let instance = Instance::new(&GpuOptions::default())?;
+    let instance = Instance::new(&GpuOptions::default(), &[])?;
     Ok(instance.devices()?.into_iter().map(|(_, info)| info).collect())
 }
 
@@ -159,8 +161,37 @@ fn listing<'a>(devices: impl Iterator<Item = &'a DeviceInfo>) -> String {
 impl Gpu {
     /// Opens the device that `options` name, or else the best: discrete, integrated, virtual, CPU.
     pub fn new(options: &GpuOptions) -> Result<Gpu> {
-        let instance = Instance::new(options)?;
+        let instance = Instance::new(options, &[])?;
         let devices = instance.devices()?;
+        Gpu::choose(instance, devices, options, |_, _| None)
+    }
+
+    /// Opens a device that can show pictures in `window`, chosen as by [`Gpu::new`] among those that can.
+    #[cfg(feature = "view")]
+    pub fn for_window(options: &GpuOptions, window: &dyn super::Window) -> Result<Gpu> {
+        let instance = Instance::new(options, &super::swapchain::instance_extensions(window)?)?;
+        let surface = super::swapchain::RawSurface::new(&instance.entry, &instance.handle, window)?;
+        let mut devices = instance.devices()?;
+        for (physical, info) in &mut devices {
+            info.missing.extend(surface.missing(&instance.handle, *physical));
+        }
+        let mut shows = std::collections::HashMap::new();
+        for (physical, _) in &devices {
+            shows.insert(*physical, surface.families(&instance.handle, *physical));
+        }
+        // Before the instance, which goes with the choice if that fails.
+        drop(surface);
+        let presents = |physical, family: u32| Some(shows[&physical][family as usize]);
+        Gpu::choose(instance, devices, options, presents)
+    }
+
+    /// `presents`: whether a family of a device can show pictures; `None` where that does not matter.
+    fn choose(
+        instance: Instance,
+        devices: Vec<(vk::PhysicalDevice, DeviceInfo)>,
+        options: &GpuOptions,
+        presents: impl Fn(vk::PhysicalDevice, u32) -> Option<bool>,
+    ) -> Result<Gpu> {
         if devices.is_empty() {
             return Err(GpuError::NoDevice);
         }
@@ -182,10 +213,15 @@ impl Gpu {
             let DeviceInfo { index, name, missing, .. } = info;
             return Err(GpuError::Unsuitable { index, name, missing: missing.join(", ") });
         }
-        Gpu::open(instance, physical, info)
+        Gpu::open(instance, physical, info, |family| presents(physical, family))
     }
 
-    fn open(instance: Instance, physical: vk::PhysicalDevice, mut info: DeviceInfo) -> Result<Gpu> {
+    fn open(
+        instance: Instance,
+        physical: vk::PhysicalDevice,
+        mut info: DeviceInfo,
+        presents: impl Fn(u32) -> Option<bool>,
+    ) -> Result<Gpu> {
         let vk_instance = &instance.handle;
         // SAFETY: `physical` was enumerated from this instance, which outlives the calls.
         let (families, extensions) = unsafe {
@@ -196,7 +232,7 @@ impl Gpu {
                     .map_err(|e| GpuError::vulkan("vkEnumerateDeviceExtensionProperties", e))?,
             )
         };
-        let Some(plan) = QueuePlan::of(&families) else {
+        let Some(plan) = QueuePlan::of(&families, &presents) else {
             info.missing.push("a queue that computes");
             let DeviceInfo { index, name, missing, .. } = info;
             return Err(GpuError::Unsuitable { index, name, missing: missing.join(", ") });
@@ -215,19 +251,25 @@ impl Gpu {
         };
         // A device that has this extension must have it enabled (MoltenVK).
         let portability = c"VK_KHR_portability_subset";
-        let enabled: Vec<_> = extensions
+        let mut enabled: Vec<_> = extensions
             .iter()
             .filter(|e| e.extension_name_as_c_str() == Ok(portability))
             .map(|_| portability.as_ptr())
             .collect();
+        let for_window = presents(plan.compute).is_some();
+        if for_window {
+            enabled.push(khr::swapchain::NAME.as_ptr());
+        }
         let offered = Features::of(vk_instance, physical);
         let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
             .timeline_semaphore(true)
             .buffer_device_address(true)
             .scalar_block_layout(true)
             .host_query_reset(offered.host_query_reset);
-        let mut features13 =
-            vk::PhysicalDeviceVulkan13Features::default().synchronization2(true).maintenance4(true);
+        let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
+            .synchronization2(true)
+            .maintenance4(true)
+            .dynamic_rendering(for_window);
         let create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&enabled)
@@ -280,6 +322,8 @@ impl Gpu {
             idle_commands: Mutex::default(),
             compute,
             transfer,
+            #[cfg(feature = "view")]
+            physical,
             submitting: Mutex::new(()),
             has_host_query_reset: offered.host_query_reset,
             names,
@@ -393,7 +437,11 @@ struct QueuePlan {
 }
 
 impl QueuePlan {
-    fn of(families: &[vk::QueueFamilyProperties]) -> Option<QueuePlan> {
+    /// `presents`: whether a family computes, draws and shows pictures; `None` where that does not matter.
+    fn of(
+        families: &[vk::QueueFamilyProperties],
+        presents: impl Fn(u32) -> Option<bool>,
+    ) -> Option<QueuePlan> {
         let find = |wanted: vk::QueueFlags, unwanted: vk::QueueFlags| {
             families
                 .iter()
@@ -404,8 +452,13 @@ impl QueuePlan {
         };
         let none = vk::QueueFlags::empty();
         let (compute_flag, graphics) = (vk::QueueFlags::COMPUTE, vk::QueueFlags::GRAPHICS);
-        // A family that also draws can present.
-        let compute = find(compute_flag | graphics, none).or_else(|| find(compute_flag, none))?;
+        let mut all = 0..families.len() as u32;
+        let compute = if all.clone().any(|family| presents(family).is_some()) {
+            all.find(|&family| presents(family) == Some(true))?
+        } else {
+            // A family that also draws can present.
+            find(compute_flag | graphics, none).or_else(|| find(compute_flag, none))?
+        };
         let video = vk::QueueFlags::VIDEO_DECODE_KHR | vk::QueueFlags::VIDEO_ENCODE_KHR;
         let transfer =
             find(vk::QueueFlags::TRANSFER, compute_flag | graphics | video).map(|family| (family, 0));
@@ -512,18 +565,19 @@ struct Messages {
     list: Mutex<Vec<String>>,
 }
 
-struct Instance {
-    handle: ash::Instance,
+pub(super) struct Instance {
+    pub handle: ash::Instance,
     messenger: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     has_debug_utils: bool,
     // The driver calls back with a pointer to it until the instance is gone.
     messages: Box<Messages>,
     /// Keeps the loader library open.
-    _entry: ash::Entry,
+    pub entry: ash::Entry,
 }
 
 impl Instance {
-    fn new(options: &GpuOptions) -> Result<Instance> {
+    /// `wanted`: further extensions.
+    fn new(options: &GpuOptions, wanted: &[&'static CStr]) -> Result<Instance> {
         // SAFETY: loading the Vulkan loader runs its initialisers; it is kept open as long as the
         // instance lives.
         let entry =
@@ -558,7 +612,12 @@ impl Instance {
             return Err(GpuError::NoLayer { name: layer.to_string_lossy().into_owned(), hint });
         }
 
-        let mut enabled: Vec<&CStr> = Vec::new();
+        if let Some(name) = wanted.iter().find(|name| !has(name)) {
+            return Err(GpuError::NoWindow {
+                reason: format!("the Vulkan loader lacks {}", name.to_string_lossy()),
+            });
+        }
+        let mut enabled: Vec<&CStr> = wanted.to_vec();
         let mut flags = vk::InstanceCreateFlags::empty();
         if has(khr::portability_enumeration::NAME) {
             enabled.push(khr::portability_enumeration::NAME);
@@ -581,8 +640,8 @@ impl Instance {
         let extension_names: Vec<_> = enabled.iter().map(|e| e.as_ptr()).collect();
         let application =
             vk::ApplicationInfo::default().application_name(c"lasray").api_version(vk::API_VERSION_1_3);
-        let wanted = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&wanted);
+        let checks = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&checks);
         let messages = Box::<Messages>::default();
         let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
@@ -611,9 +670,9 @@ impl Instance {
             Err(vk::Result::ERROR_INCOMPATIBLE_DRIVER) => return Err(GpuError::NoDevice),
             Err(e) => return Err(GpuError::vulkan("vkCreateInstance", e)),
         };
-        let mut instance = Instance { handle, messenger: None, has_debug_utils, messages, _entry: entry };
+        let mut instance = Instance { handle, messenger: None, has_debug_utils, messages, entry };
         if options.validate && has_debug_utils {
-            let debug = ext::debug_utils::Instance::new(&instance._entry, &instance.handle);
+            let debug = ext::debug_utils::Instance::new(&instance.entry, &instance.handle);
             messenger_info.p_next = std::ptr::null();
             // SAFETY: the extension is enabled; `messages` is boxed and lives until after the instance.
             let messenger = unsafe { debug.create_debug_utils_messenger(&messenger_info, None) }
@@ -680,7 +739,7 @@ mod tests {
     fn queues_are_picked_from_what_a_device_has() {
         use vk::QueueFlags as F;
         let all = F::GRAPHICS | F::COMPUTE | F::TRANSFER;
-        let plan = |families: &[vk::QueueFamilyProperties]| QueuePlan::of(families);
+        let plan = |families: &[vk::QueueFamilyProperties]| QueuePlan::of(families, |_| None);
         assert_eq!(plan(&[family(F::TRANSFER, 1)]), None);
         assert_eq!(plan(&[family(all, 1)]), Some(QueuePlan { compute: 0, transfer: None }));
         assert_eq!(plan(&[family(all, 16)]), Some(QueuePlan { compute: 0, transfer: Some((0, 1)) }));
@@ -691,5 +750,10 @@ mod tests {
         let odd = [family(F::COMPUTE, 1), family(all, 1)];
         assert_eq!(plan(&odd), Some(QueuePlan { compute: 1, transfer: None }));
         assert_eq!(plan(&[family(F::COMPUTE, 1)]), Some(QueuePlan { compute: 0, transfer: None }));
+        // For a window, the family that shows pictures.
+        let window = |families: &[vk::QueueFamilyProperties]| QueuePlan::of(families, |f| Some(f == 1));
+        assert_eq!(window(&[family(all, 1)]), None);
+        let shown = Some(QueuePlan { compute: 1, transfer: None });
+        assert_eq!(window(&[family(all, 1), family(all, 1)]), shown);
     }
 }

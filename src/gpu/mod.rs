@@ -11,8 +11,12 @@ mod device;
 pub(crate) mod layout;
 mod memory;
 mod order;
+#[cfg(feature = "view")]
+mod overlay;
 mod pipeline;
 mod ring;
+#[cfg(feature = "view")]
+mod swapchain;
 mod timeline;
 mod timestamps;
 
@@ -20,8 +24,12 @@ pub use command::{BufferCopy, Commands};
 pub use device::{DeviceInfo, DeviceKind, Gpu, GpuOptions, QueueKind, list_devices};
 pub use memory::{Buffer, MemoryKind, stream_words};
 pub use order::{Edge, Event, Order};
+#[cfg(feature = "view")]
+pub use overlay::{Overlay, Picture};
 pub use pipeline::{Binding, BindingKind, ComputePipeline};
 pub use ring::UploadRing;
+#[cfg(feature = "view")]
+pub use swapchain::{Acquired, Swapchain, Window};
 pub use timeline::SyncPoint;
 pub use timestamps::Timestamps;
 
@@ -75,6 +83,12 @@ pub enum GpuError {
         name: String,
         /// What to install.
         hint: &'static str,
+    },
+    /// Pictures cannot be shown in the window.
+    #[error("no window: {reason}")]
+    NoWindow {
+        /// Why.
+        reason: String,
     },
     /// A Vulkan call failed.
     #[error("{what}: {result}")]

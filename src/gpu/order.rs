@@ -225,11 +225,54 @@ impl Order {
         self.barrier(commands, Edge::HostAfterReadback, src, (HOST, Access::HOST_READ));
     }
 
+    /// Ends a frame by drawing onto an image of the window what its passes, or those of earlier frames, wrote.
+    /// The submit waits until the image is free; [`super::Swapchain::present`] comes after it.
+    #[cfg(feature = "view")]
+    pub fn draw<R>(
+        &mut self,
+        commands: &mut Commands,
+        image: &super::Acquired,
+        paint: impl FnOnce(&mut Commands) -> R,
+    ) -> R {
+        assert_eq!(commands.stage, Stage::Frame, "{}: only frames are shown", commands.name());
+        let whole = vk::ImageSubresourceRange::default()
+            .aspect_mask(vk::ImageAspectFlags::COLOR)
+            .level_count(1)
+            .layer_count(1);
+        let of_image = vk::ImageMemoryBarrier2::default().image(image.image).subresource_range(whole);
+        let output = Stages::COLOR_ATTACHMENT_OUTPUT;
+        let written = MemoryBarrier2::default()
+            .src_stage_mask(COMPUTE)
+            .src_access_mask(STORAGE_WRITE)
+            .dst_stage_mask(Stages::VERTEX_SHADER | Stages::FRAGMENT_SHADER)
+            .dst_access_mask(Access::SHADER_STORAGE_READ);
+        // The semaphore is waited for at this stage: the old content is dropped after it.
+        let free = of_image
+            .src_stage_mask(output)
+            .dst_stage_mask(output)
+            .dst_access_mask(Access::COLOR_ATTACHMENT_WRITE | Access::COLOR_ATTACHMENT_READ)
+            .old_layout(vk::ImageLayout::UNDEFINED)
+            .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
+        commands.barriers(&[written], &[free]);
+        commands.shown = Some([image.free, image.drawn]);
+        let painted = commands.rendering(image, paint);
+        let shown = of_image
+            .src_stage_mask(output)
+            .src_access_mask(Access::COLOR_ATTACHMENT_WRITE)
+            .dst_stage_mask(output)
+            .old_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .new_layout(vk::ImageLayout::PRESENT_SRC_KHR);
+        // The passes of the next frame write what was drawn from.
+        let read = MemoryBarrier2::default().src_stage_mask(Stages::FRAGMENT_SHADER).dst_stage_mask(COMPUTE);
+        commands.barriers(&[read], &[shown]);
+        painted
+    }
+
     /// Submits; the commands and what they keep are dropped by [`Order::collect`] once they are done.
     pub fn submit(&mut self, commands: Commands) -> Result<SyncPoint> {
         let queue = commands.queue();
         let stage = commands.stage;
-        let waits: Vec<_> = commands
+        let mut waits: Vec<_> = commands
             .waits
             .iter()
             .map(|wait| {
@@ -239,6 +282,9 @@ impl Order {
                     .stage_mask(wait.stages)
             })
             .collect();
+        waits.extend(commands.shown.map(|[free, _]| {
+            vk::SemaphoreSubmitInfo::default().semaphore(free).stage_mask(Stages::COLOR_ATTACHMENT_OUTPUT)
+        }));
         let waited = commands.waits.iter().map(|wait| wait.point.value).max().unwrap_or(0);
         let point = self.timelines[queue as usize].submit(commands, &waits)?;
         self.waited[queue as usize] = self.waited[queue as usize].max(waited);

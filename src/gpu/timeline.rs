@@ -73,10 +73,14 @@ impl Timeline {
         let buffer = commands.end()?;
         let value = self.submitted + 1;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(buffer)];
-        let signals = [vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.semaphore)
-            .value(value)
-            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let signal = |semaphore: vk::Semaphore, value: u64| {
+            vk::SemaphoreSubmitInfo::default()
+                .semaphore(semaphore)
+                .value(value)
+                .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        };
+        let mut signals = vec![signal(self.semaphore, value)];
+        signals.extend(commands.shown.map(|[_, drawn]| signal(drawn, 0)));
         let submit = vk::SubmitInfo2::default()
             .wait_semaphore_infos(waits)
             .command_buffer_infos(&buffers)

@@ -5,8 +5,8 @@ use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
 use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
-    Binding, BindingKind, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, SyncPoint,
-    Timestamps, shaders,
+    Binding, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind,
+    SyncPoint, Timestamps, shaders,
 };
 use crate::stream::pool::Access;
 use crate::stream::scene::{Carried, Scene};
@@ -217,6 +217,7 @@ impl FrameConstants {
 }
 
 /// The rays of a picture, from a plane just before the data on.
+#[derive(Clone)]
 pub(crate) struct Rays {
     /// As they are shown.
     shown: RayBasis,
@@ -251,14 +252,31 @@ pub(crate) struct Push {
 /// Mirrors a hit record after shading.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct Hit {
+pub(super) struct Hit {
     t: f32,
     /// Class (256: a miss) | origin << 9 | face << 12.
-    bits: u32,
+    pub(super) bits: u32,
     /// Nodes that the traversal looked at.
     steps: u32,
     /// Lattice steps from the anchor.
     top: i32,
+}
+
+/// What the ray of pixel (px, py) has hit: distance from the eye as shown, and U; heights count from `anchor`.
+fn distance_and_height(
+    Rays { shown, through }: &Rays,
+    hit: &Hit,
+    [px, py]: [f64; 2],
+    anchor: Height,
+) -> [f64; 2] {
+    let t = f64::from(hit.t);
+    let height = if hit.bits >> 12 == FACE_TOP {
+        Height(hit.top.wrapping_add(anchor.0)).units()
+    } else {
+        let along = through.direction(px, py).z / through.length(px, py);
+        through.origin(px, py).z + t * along
+    };
+    [shown.distance_eye_to_plane(px, py) + t, height]
 }
 
 impl Push {
@@ -364,8 +382,8 @@ struct Target {
     colors: Buffer,
     beams: Buffer,
     wide_beams: Buffer,
-    hits_back: Buffer,
-    colors_back: Buffer,
+    /// Hits and colours for the host; made when first read back.
+    back: Option<[Buffer; 2]>,
 }
 
 /// A program for exact pictures: only what they need is in it.
@@ -373,6 +391,15 @@ struct Target {
 struct Exact {
     ramped: bool,
     screen: bool,
+}
+
+/// Lets the columns of `scene` carry what `view` colours by. Before a frame begins: it may be work of its own.
+pub(super) fn carry(scene: &mut Scene, view: &View) -> Result<(), GpuError> {
+    match view.colors.mode {
+        ColorMode::Rgb => scene.carry(Carried::Colors),
+        ColorMode::Intensity | ColorMode::Return => scene.carry(Carried::Values),
+        ColorMode::Class | ColorMode::Height => Ok(()),
+    }
 }
 
 /// Makes pictures of a scene.
@@ -455,15 +482,17 @@ fn band_rows(size: [u32; 2]) -> u32 {
 
 /// Part of a picture that one submit works on.
 #[derive(Clone, Copy)]
-struct Band {
-    first_row: u32,
-    rows: u32,
-    sample: u32,
-    samples: u32,
+pub(super) struct Band {
+    pub first_row: u32,
+    pub rows: u32,
+    pub sample: u32,
+    pub samples: u32,
     /// What it draws is copied back.
-    read: bool,
+    pub read: bool,
     /// Bytes for the screen, where the picture is exact, instead of sums and records.
-    screen: bool,
+    pub screen: bool,
+    /// Sums and records of the whole picture are kept, not of the band alone.
+    pub whole: bool,
 }
 
 impl Renderer {
@@ -509,8 +538,15 @@ impl Renderer {
             let rows = band_rows(view.size).min(height - first_row);
             let mut last = None;
             for sample in 0..samples {
-                let band =
-                    Band { first_row, rows, sample, samples, read: sample + 1 == samples, screen: false };
+                let band = Band {
+                    first_row,
+                    rows,
+                    sample,
+                    samples,
+                    read: sample + 1 == samples,
+                    screen: false,
+                    whole: false,
+                };
                 last = Some(self.submit(scene, view, table, &rays, band, None)?);
             }
             let point = last.expect("there is a sample");
@@ -518,8 +554,9 @@ impl Renderer {
             let (from, pixels) = (first_row as usize * width as usize, rows as usize * width as usize);
             hits.resize(pixels, Hit::zeroed());
             let colors = bytemuck::cast_slice_mut(&mut image.color[from..from + pixels]);
-            scene.order.read(point, &target.hits_back, 0, bytemuck::cast_slice_mut(&mut hits))?;
-            scene.order.read(point, &target.colors_back, 0, colors)?;
+            let [hits_back, colors_back] = target.back.as_ref().expect("the last sample was copied back");
+            scene.order.read(point, hits_back, 0, bytemuck::cast_slice_mut(&mut hits))?;
+            scene.order.read(point, colors_back, 0, colors)?;
             self.finish(&rays, &hits, from, &mut image);
         }
         Ok(image)
@@ -539,8 +576,15 @@ impl Renderer {
     ) -> Result<SyncPoint, FrameError> {
         let rays = Rays::of(view, self.grid.cell())?;
         assert_eq!(band_rows(view.size), view.size[1], "a picture of one band");
-        let band =
-            Band { first_row: 0, rows: view.size[1], sample: 0, samples: 1, read: false, screen: true };
+        let band = Band {
+            first_row: 0,
+            rows: view.size[1],
+            sample: 0,
+            samples: 1,
+            read: false,
+            screen: true,
+            whole: false,
+        };
         self.submit(scene, view, table, &rays, band, clock)
     }
 
@@ -557,6 +601,12 @@ impl Renderer {
         Ok(program)
     }
 
+    /// Side of a finest cell, CRS units.
+    #[cfg(feature = "view")]
+    pub(super) fn cell(&self) -> f64 {
+        self.grid.cell()
+    }
+
     /// All that a frame may see now.
     pub fn table(&self, scene: &Scene) -> Table {
         Table::build(&scene.entries(), self.anchor)
@@ -567,24 +617,51 @@ impl Renderer {
         Table::build(&scene.entries_of(shown.iter().copied()), self.anchor)
     }
 
-    fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2]) -> Result<(), FrameError> {
+    /// Sums and hit records of the picture that was recorded last, 16 bytes a pixel each.
+    #[cfg(feature = "view")]
+    pub(super) fn sums_and_hits(&self) -> Option<[&Buffer; 2]> {
+        self.target.as_ref().map(|target| [&target.colors, &target.hits])
+    }
+
+    /// Where the ray of pixel (px, py) has hit, as shown, and U there.
+    #[cfg(feature = "view")]
+    pub(super) fn place_of(&self, rays: &Rays, hit: &Hit, pixel: [f64; 2]) -> (DVec3, f64) {
+        let [distance, height] = distance_and_height(rays, hit, pixel, self.anchor);
+        let [px, py] = pixel;
+        let along = distance / rays.shown.length(px, py);
+        let from_plane = along - rays.shown.advanced();
+        (rays.shown.origin(px, py) + rays.shown.direction(px, py) * from_plane, height)
+    }
+
+    fn prepare(&mut self, scene: &Scene, slot: usize, size: [u32; 2], band: Band) -> Result<(), FrameError> {
         let gpu = scene.gpu();
-        let bytes = u64::from(size[0]) * u64::from(band_rows(size)) * BYTES_PER_PIXEL;
-        if self.target.as_ref().is_none_or(|t| t.size != size) {
+        let rows = if band.whole { size[1] } else { band_rows(size) };
+        let bytes = u64::from(size[0]) * u64::from(rows) * BYTES_PER_PIXEL;
+        let tile_bytes =
+            |side: u32| u64::from(size[0].div_ceil(side)) * u64::from(rows.div_ceil(side)) * BYTES_PER_BEAM;
+        let fits = |t: &Target| {
+            t.hits.size() >= bytes
+                && t.beams.size() >= tile_bytes(TILE)
+                && t.wide_beams.size() >= tile_bytes(WIDE_TILE)
+        };
+        // A window's picture is now coarse, now fine: what is large enough is kept.
+        let kept = self.target.as_ref().is_some_and(|t| if band.whole { fits(t) } else { t.size == size });
+        if !kept {
             self.target = None;
-            let tiles = |name: &str, side: u32| {
-                let tiles = u64::from(size[0].div_ceil(side)) * u64::from(band_rows(size).div_ceil(side));
-                Buffer::new(gpu, name, MemoryKind::Device, tiles * BYTES_PER_BEAM)
-            };
+            let device = |name, bytes| Buffer::new(gpu, name, MemoryKind::Device, bytes);
             self.target = Some(Target {
                 size,
-                hits: Buffer::new(gpu, "hits", MemoryKind::Device, bytes)?,
-                colors: Buffer::new(gpu, "colors", MemoryKind::Device, bytes)?,
-                beams: tiles("beams", TILE)?,
-                wide_beams: tiles("wide beams", WIDE_TILE)?,
-                hits_back: Buffer::new(gpu, "hits read back", MemoryKind::Readback, bytes)?,
-                colors_back: Buffer::new(gpu, "colors read back", MemoryKind::Readback, bytes)?,
+                hits: device("hits", bytes)?,
+                colors: device("colors", bytes)?,
+                beams: device("beams", tile_bytes(TILE))?,
+                wide_beams: device("wide beams", tile_bytes(WIDE_TILE))?,
+                back: None,
             });
+        }
+        let target = self.target.as_mut().expect("just made");
+        if band.read && target.back.as_ref().is_none_or(|[hits, _]| hits.size() < bytes) {
+            let back = |name| Buffer::new(gpu, name, MemoryKind::Readback, bytes);
+            target.back = Some([back("hits read back")?, back("colors read back")?]);
         }
         self.in_flight.resize_with(self.in_flight.len().max(slot + 1), || None);
         Ok(())
@@ -597,15 +674,37 @@ impl Renderer {
         table: &Table,
         rays: &Rays,
         band: Band,
-        mut clock: Option<&mut Timestamps>,
+        clock: Option<&mut Timestamps>,
     ) -> Result<SyncPoint, FrameError> {
-        match view.colors.mode {
-            ColorMode::Rgb => scene.carry(Carried::Colors)?,
-            ColorMode::Intensity | ColorMode::Return => scene.carry(Carried::Values)?,
-            ColorMode::Class | ColorMode::Height => {}
-        }
+        carry(scene, view)?;
         let (mut commands, slot) = scene.order.begin_frame("frame")?;
-        self.prepare(scene, slot, view.size)?;
+        self.record(scene, (&mut commands, slot), view, table, rays, band, clock)?;
+        if band.read {
+            let target = self.target.as_ref().expect("recorded");
+            let [hits_back, colors_back] = target.back.as_ref().expect("made to be read");
+            let pixels = u64::from(view.size[0]) * u64::from(band.rows);
+            let all = BufferCopy { from: 0, to: 0, size: pixels * BYTES_PER_PIXEL };
+            let copies = [(&target.hits, hits_back, all), (&target.colors, colors_back, all)];
+            scene.order.readback(&mut commands, &copies);
+        }
+        let point = scene.order.submit(commands)?;
+        scene.drawn(point);
+        Ok(point)
+    }
+
+    /// Records the passes of a band in frame `slot`, for which the scene carries what `view` shows (see [`carry`]).
+    #[expect(clippy::too_many_arguments)] // a frame is made of that much
+    pub(super) fn record(
+        &mut self,
+        scene: &mut Scene,
+        (commands, slot): (&mut Commands, usize),
+        view: &View,
+        table: &Table,
+        rays: &Rays,
+        band: Band,
+        mut clock: Option<&mut Timestamps>,
+    ) -> Result<(), FrameError> {
+        self.prepare(scene, slot, view.size, band)?;
         let table_bytes: &[u8] = bytemuck::cast_slice(&table.slots);
         let gpu = scene.gpu().clone();
         let kept = self.in_flight[slot].take().filter(|f| f.table.size() >= table_bytes.len() as u64);
@@ -631,7 +730,7 @@ impl Renderer {
             high: std::array::from_fn(|a| {
                 view.window.map_or(table.high[a], |[_, high]| high[a].min(table.high[a]))
             }),
-            ..self.constants(view, rays, &buffers, target)
+            ..self.constants(view, rays, &buffers, target, band)
         };
         buffers.table.write(0, table_bytes);
         buffers.ramp.write(0, bytemuck::cast_slice(view.colors.table.as_slice()));
@@ -689,42 +788,52 @@ impl Renderer {
         };
         let push = Push::new(&constants, [band.sample, band.samples], [band.first_row, band.rows]);
         if let Some(clock) = clock.as_mut() {
-            clock.begin(&mut commands);
+            clock.begin(commands);
         }
         for (pass, (name, program, groups)) in passes.into_iter().enumerate() {
             if pass > 0 {
-                scene.order.next_pass(&mut commands);
+                scene.order.next_pass(commands);
             }
             commands.bind(&program);
             commands.push(bytemuck::bytes_of(&push));
             commands.bind_buffers(&bindings(&program)?);
             commands.dispatch(groups);
             if let Some(clock) = clock.as_mut() {
-                clock.end(&mut commands, name);
+                clock.end(commands, name);
             }
         }
-        if band.read {
-            let pixels = u64::from(view.size[0]) * u64::from(band.rows);
-            let all = BufferCopy { from: 0, to: 0, size: pixels * BYTES_PER_PIXEL };
-            let copies = [(&target.hits, &target.hits_back, all), (&target.colors, &target.colors_back, all)];
-            scene.order.readback(&mut commands, &copies);
-        }
-        let point = scene.order.submit(commands)?;
-        scene.drawn(point);
         self.in_flight[slot] = Some(buffers);
-        Ok(point)
+        Ok(())
     }
 
     /// All but what is said of the table.
-    fn constants(&self, view: &View, rays: &Rays, buffers: &InFlight, target: &Target) -> FrameConstants {
+    fn constants(
+        &self,
+        view: &View,
+        rays: &Rays,
+        buffers: &InFlight,
+        target: &Target,
+        band: Band,
+    ) -> FrameConstants {
+        // Shaders count the band's pixels from 0.
+        let before = if band.whole {
+            u64::from(band.first_row) * u64::from(view.size[0]) * BYTES_PER_PIXEL
+        } else {
+            0
+        };
+        assert!(before == 0 || self.access != Access::StorageBuffer, "bindings are of whole buffers");
+        let from = |b: &Buffer| match self.access {
+            Access::Address | Access::Texels => halves(b.address() + before),
+            Access::StorageBuffer => [0; 2],
+        };
         let place = match self.access {
             Access::Address | Access::Texels => |b: &Buffer| halves(b.address()),
             Access::StorageBuffer => |_: &Buffer| [0; 2],
         };
         FrameConstants {
             table: place(&buffers.table),
-            hits: place(&target.hits),
-            colors: place(&target.colors),
+            hits: from(&target.hits),
+            colors: from(&target.colors),
             ramp: place(&buffers.ramp),
             beams: place(&target.beams),
             wide_beams: place(&target.wide_beams),
@@ -733,7 +842,7 @@ impl Renderer {
     }
 
     /// Channels of the picture's pixels from `from` on: distances and heights in f64 from what the device found.
-    fn finish(&self, Rays { shown, through: rays }: &Rays, hits: &[Hit], from: usize, image: &mut Image) {
+    fn finish(&self, rays: &Rays, hits: &[Hit], from: usize, image: &mut Image) {
         let width = image.width;
         for (at, hit) in (from..).zip(hits) {
             image.steps += u64::from(hit.steps);
@@ -742,23 +851,18 @@ impl Renderer {
             if class == 256 {
                 continue;
             }
-            let (px, py) = (f64::from(at as u32 % width), f64::from(at as u32 / width));
-            let t = f64::from(hit.t);
-            image.distance[at] = (shown.distance_eye_to_plane(px, py) + t) as f32;
+            let pixel = [f64::from(at as u32 % width), f64::from(at as u32 / width)];
+            let [distance, height] = distance_and_height(rays, hit, pixel, self.anchor);
+            image.distance[at] = distance as f32;
             image.origin[at] = hit.bits >> 9 & 7;
-            image.hit_height[at] = if hit.bits >> 12 == FACE_TOP {
-                Height(hit.top.wrapping_add(self.anchor.0)).units() as f32
-            } else {
-                let along = rays.direction(px, py).z / rays.length(px, py);
-                (rays.origin(px, py).z + t * along) as f32
-            };
+            image.hit_height[at] = height as f32;
         }
     }
 }
 
 /// Where in a pixel its sample lies, sixteenths from the top left corner. One: the centre; more: a lattice
 /// that puts each into a row and a column of its own.
-fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
+pub(super) fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
     if samples == 1 {
         return [8, 8];
     }

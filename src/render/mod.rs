@@ -5,5 +5,7 @@ pub mod frame;
 pub mod image;
 pub mod path;
 pub mod reference;
+#[cfg(feature = "view")]
+pub mod screen;
 pub mod sight;
 pub mod whole_file;

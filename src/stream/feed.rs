@@ -51,6 +51,7 @@ struct Sample {
 
 struct State {
     builds: Builds,
+    core: Arc<Core>,
     sample: Option<Sample>,
 }
 
@@ -60,7 +61,6 @@ struct Inner {
     work: Condvar,
     stop: AtomicBool,
     grid: Grid,
-    core: Core,
 }
 
 impl Inner {
@@ -102,11 +102,10 @@ impl Feed {
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Feed {
         let inner = Arc::new(Inner {
-            state: Mutex::new(State { builds, sample: None }),
+            state: Mutex::new(State { builds, core: Arc::new(core), sample: None }),
             work: Condvar::new(),
             stop: AtomicBool::new(false),
             grid,
-            core,
         });
         let (send, arrivals) = crossbeam_channel::bounded(QUEUE);
         let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
@@ -117,6 +116,11 @@ impl Feed {
             })
             .collect();
         Feed { inner, threads, arrivals }
+    }
+
+    /// Points outside of these cells are left out from now on.
+    pub fn set_core(&self, core: Core) {
+        self.inner.lock().core = Arc::new(core);
     }
 
     /// Looks at, or changes, what is being made.
@@ -177,7 +181,7 @@ fn next(inner: &Inner) -> Option<Task> {
         if inner.stop.load(Ordering::Relaxed) {
             return None;
         }
-        let State { builds, sample } = &mut *state;
+        let State { builds, sample, .. } = &mut *state;
         if let Some(sample) = sample
             && let Some(source) = sample.left.pop()
         {
@@ -201,17 +205,26 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
     let _ = set_current_thread_priority(ThreadPriority::Min);
     let (mut decoder, mut binner) = (Decoder::default(), Binner::default());
     while let Some(task) = next(inner) {
+        let core = Arc::clone(&inner.lock().core);
         let mut packs = Vec::new();
         match task {
             Task::Pack(finished) => packs.push((finished, false)),
             Task::Chunk(job) => {
-                let outcome = read(inner, &mut decoder, &mut binner, &job);
+                let outcome = read(&inner.grid, &core, &mut decoder, &mut binner, &job);
                 inner.lock().builds.done(job, outcome);
                 inner.work.notify_all();
             }
             Task::Sample { input, level, of_file, sections } => {
                 // What cannot be read is named when it is read for good.
-                let _ = sparse(inner, &mut decoder, &mut binner, &input, level, of_file, &sections);
+                let _ = sparse(
+                    (&grid_at(&inner.grid, level), level),
+                    &core,
+                    &mut decoder,
+                    &mut binner,
+                    &input,
+                    of_file,
+                    &sections,
+                );
                 input.file.bytes.release();
                 let mut state = inner.lock();
                 if let Some(sample) = &mut state.sample
@@ -240,7 +253,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
 }
 
 /// Reads a chunk into all that lack it.
-fn read(inner: &Inner, decoder: &mut Decoder, binner: &mut Binner, job: &Job) -> Outcome {
+fn read(grid: &Grid, core: &Core, decoder: &mut Decoder, binner: &mut Binner, job: &Job) -> Outcome {
     let file = &job.input.file;
     let chunk = &file.chunks[job.index];
     let mut levels: HashMap<u8, HashMap<SectionKey, &Shared>> = HashMap::new();
@@ -248,7 +261,7 @@ fn read(inner: &Inner, decoder: &mut Decoder, binner: &mut Binner, job: &Job) ->
         levels.entry(key.level).or_default().insert(SectionKey { level: 0, ..*key }, columns);
     }
     let levels: Vec<_> =
-        levels.into_iter().map(|(level, of_level)| (grid_at(&inner.grid, level), of_level)).collect();
+        levels.into_iter().map(|(level, of_level)| (grid_at(grid, level), of_level)).collect();
     let mut outcome = Outcome::default();
     let mut raw: Option<[[i32; 2]; 2]> = None;
     let result = decoder.decode(file, chunk, 0..chunk.records, &mut |block: &PointBlock| {
@@ -261,9 +274,8 @@ fn read(inner: &Inner, decoder: &mut Decoder, binner: &mut Binner, job: &Job) ->
             raw[1][axis] = raw[1][axis].max(high);
         }
         for (grid, of_level) in &levels {
-            binner.bin_into(grid, &inner.core, &*job.input, block, &|key| {
-                of_level.get(&key).map(|&s| Arc::clone(s))
-            });
+            binner
+                .bin_into(grid, core, &*job.input, block, &|key| of_level.get(&key).map(|&s| Arc::clone(s)));
         }
     });
     let header = &file.header;
@@ -271,7 +283,7 @@ fn read(inner: &Inner, decoder: &mut Decoder, binner: &mut Binner, job: &Job) ->
         |[x, y]: [i32; 2]| DVec3::new(f64::from(x), f64::from(y), 0.0) * header.scale + header.offset;
     outcome.cells = raw
         .and_then(|[low, high]| placed(&job.input.placement, [in_file(low), in_file(high)]))
-        .and_then(|[low, high]| cells_of(&inner.grid, low, high));
+        .and_then(|[low, high]| cells_of(grid, low, high));
     outcome.error = result.err();
     outcome
 }
@@ -296,11 +308,11 @@ pub fn sparse_points<'a>(files: impl Iterator<Item = &'a LidarFile> + Clone) -> 
 
 /// Reads a few points of every chunk of a file.
 fn sparse(
-    inner: &Inner,
+    (grid, level): (&Grid, u8),
+    core: &Core,
     decoder: &mut Decoder,
     binner: &mut Binner,
     input: &Input,
-    level: u8,
     most: usize,
     sections: &Mutex<HashMap<SectionKey, Shared>>,
 ) -> Result<(), crate::source::SourceError> {
@@ -308,13 +320,12 @@ fn sparse(
     if file.chunks.is_empty() {
         return Ok(());
     }
-    let grid = grid_at(&inner.grid, level);
     let mut bin = |block: &PointBlock| {
         let section = |key: SectionKey| {
             let key = SectionKey { level, ..key };
             Some(Arc::clone(lock(sections).entry(key).or_default()))
         };
-        binner.bin_into(&grid, &inner.core, input, block, &section);
+        binner.bin_into(grid, core, input, block, &section);
     };
     bin(decoder.first_points(file, most)?);
     let of_chunk = sparse_of_chunk(file, most);

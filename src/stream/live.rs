@@ -1,13 +1,16 @@
 //! What is seen, kept live: the cut of the moment, what it lacks asked for, what has arrived uploaded, what is not
 //! seen any more given back. Called once a frame; never waits.
 
+use super::bins::Core;
 use super::builds::{Builds, Progress};
 use super::feed::{Arrival, Feed, sparse_points};
 use super::pool::section_bytes;
 use super::residency::{Cut, Domain, MOST_LEVEL, Shown, Sight};
 use super::scene::{Scene, Upload};
+use super::workers::Input;
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
+use crate::sample::Bounds;
 use crate::section::Packed;
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
@@ -107,7 +110,7 @@ impl Live {
     pub fn new(
         builds: impl FnOnce(u64) -> Builds,
         grid: Grid,
-        core: super::bins::Core,
+        core: Core,
         host_bytes: u64,
         threads: usize,
         wake: impl Fn() + Send + Sync + 'static,
@@ -170,6 +173,16 @@ impl Live {
     pub fn show_file(&mut self, source: usize, shown: bool) {
         self.feed.with(|builds| builds.show(source, shown));
         self.files_changed(source);
+    }
+
+    /// Adds files: input, where it is seen, outside of which it has no points, whether those of COPC nodes are in their
+    /// boxes. `core`: of all.
+    pub fn add(&mut self, inputs: Vec<(Input, Option<Bounds>, Option<Bounds>, bool)>, core: Core) {
+        self.feed.set_core(core);
+        for (input, bounds, reach, in_nodes) in inputs {
+            let source = self.feed.with(|builds| builds.add(input, bounds, reach, in_nodes));
+            self.files_changed(source);
+        }
     }
 
     fn files_changed(&mut self, source: usize) {

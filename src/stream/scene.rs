@@ -831,6 +831,11 @@ impl Scene {
         self.sections.get(&key).is_some_and(|resident| resident.coming.is_some())
     }
 
+    /// Whether versions are on their way.
+    pub fn is_busy(&self) -> bool {
+        self.sections.values().any(|resident| resident.coming.is_some())
+    }
+
     /// Bytes of the pool that a section takes.
     pub fn bytes_of(&self, key: SectionKey) -> u64 {
         let versions = self.sections.get(&key).into_iter().flat_map(|r| r.live.iter().chain(&r.coming));

@@ -102,6 +102,13 @@ fn hash(level: u32, index: [i32; 2]) -> u32 {
     h ^ h >> 13
 }
 
+impl Default for Table {
+    /// It names nothing.
+    fn default() -> Table {
+        Table::build(&[], Height(0))
+    }
+}
+
 impl Table {
     /// Names `entries`; no two may overlap. Heights count from `anchor`. O(entries · levels).
     pub fn build(entries: &[Entry], anchor: Height) -> Table {

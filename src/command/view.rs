@@ -1,0 +1,146 @@
+//! `lasray view`: the window.
+
+use super::render::{Cell, ClassList, Color, Orbit};
+use super::{Outcome, UsageError, render};
+use crate::attribute::ClassMask;
+use crate::gpu::{GpuError, GpuOptions};
+use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
+use crate::render::path::CameraPath;
+use crate::source::crs::Unit;
+use crate::source::placement::PlacementOptions;
+use crate::stream::scene::Visibility;
+use crate::view;
+use glam::DVec3;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// Arguments of `lasray view`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
+pub struct Args {
+    /// Files, folders, @lists and patterns
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<OsString>,
+
+    /// Width and height of the window, in the pixels of a screen of usual density
+    #[arg(long, default_value = "1280x800", value_parser = render::size, help_heading = "Picture", value_name = "WxH")]
+    size: [u32; 2],
+    /// Vertical exaggeration
+    #[arg(long, default_value_t = 1.0, value_parser = render::positive, help_heading = "Picture")]
+    z_scale: f64,
+    /// What colours show: auto (RGB, else classes, else heights), rgb, height, class, intensity or return
+    #[arg(long, default_value = "auto", value_parser = render::color, help_heading = "Picture")]
+    color: Color,
+    /// Show only these classes: 2,6 or 3-5
+    #[arg(long, value_parser = render::classes, help_heading = "Picture", value_name = "LIST")]
+    classes: Option<ClassList>,
+    /// Hide these classes (7 and 18, noise, are hidden unless asked for)
+    #[arg(long, value_parser = render::classes, help_heading = "Picture", value_name = "LIST")]
+    hide: Option<ClassList>,
+
+    /// Where the camera is: E,N,U
+    #[arg(long, value_parser = render::vector, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    eye: Option<DVec3>,
+    /// What it looks at: E,N,U
+    #[arg(long, value_parser = render::vector, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    target: Option<DVec3>,
+    /// Direction of view in degrees: azimuth clockwise from north, elevation (positive looks down), and a
+    /// distance if not all of the data is to be framed [default: 0,35]
+    #[arg(long, value_parser = render::orbit, allow_hyphen_values = true, help_heading = "Camera", value_name = "AZ,EL[,DIST]")]
+    orbit: Option<Orbit>,
+    /// Vertical field of view, degrees
+    #[arg(long, default_value_t = DEFAULT_FOV, value_parser = render::fov, help_heading = "Camera")]
+    fov: f64,
+    /// Camera path to fly: see docs/camera-paths.md
+    #[arg(long, conflicts_with_all = ["eye", "target", "orbit"], help_heading = "Camera", value_name = "FILE")]
+    path: Option<PathBuf>,
+    /// Frames of the path, spread evenly over it [default: all]
+    #[arg(long, requires = "path", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Camera", value_name = "N")]
+    frames: Option<u32>,
+    /// Close the window at the end of the path
+    #[arg(long, requires = "path", help_heading = "Camera")]
+    quit: bool,
+
+    /// Side of a cell in CRS units, or auto
+    #[arg(long, default_value = "auto", value_parser = render::cell, help_heading = "Data")]
+    cell: Cell,
+    /// Draw files of different coordinate systems by their raw coordinates
+    #[arg(long, help_heading = "Data")]
+    mix_crs: bool,
+    /// Unit of heights, where the files are wrong: m, ft or us-ft
+    #[arg(long, help_heading = "Data", value_name = "UNIT")]
+    z_unit: Option<Unit>,
+    /// Bits of the RGB fields, where the choice from the data is wrong
+    #[arg(long, value_parser = ["8", "16"], help_heading = "Data")]
+    rgb_bits: Option<String>,
+    /// Bytes of device memory for sections
+    #[arg(long, default_value = "1GiB", value_parser = render::bytes, help_heading = "Data", value_name = "BYTES")]
+    device_memory: u64,
+    /// Bytes of host memory for sections while they are read
+    #[arg(long, default_value = "2GiB", value_parser = render::bytes, help_heading = "Data", value_name = "BYTES")]
+    host_memory: u64,
+
+    /// Device to draw on, by its number in `lasray info --devices`
+    #[arg(long, help_heading = "Device")]
+    device: Option<usize>,
+    /// Turn on the Vulkan validation layers
+    #[arg(long, help_heading = "Device")]
+    validate: bool,
+    /// Write times of frames there at the end
+    #[arg(long, help_heading = "Device", value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Tell what happens on standard output, for tests
+    #[arg(long, hide = true)]
+    log_events: bool,
+}
+
+/// Opens the window.
+pub fn run(args: Args) -> anyhow::Result<Outcome> {
+    let usage = |e: &dyn std::fmt::Display| UsageError(e.to_string());
+    if let (Some(eye), Some(target)) = (args.eye, args.target) {
+        Camera::look_at(eye, target, Projection::default()).map_err(|e| usage(&e))?;
+    }
+    let path = match &args.path {
+        Some(file) => {
+            let path = CameraPath::read(file).map_err(|e| usage(&e))?;
+            let frames = args.frames.unwrap_or(path.frames());
+            if frames > path.frames() {
+                let (file, all) = (file.display(), path.frames());
+                return Err(usage(&format!("--frames {frames}: {file} has {all}")).into());
+            }
+            Some((path, frames))
+        }
+        None => None,
+    };
+    let shown = args.classes.map_or(ClassMask::default(), |list| ClassMask::only(&list.0));
+    let classes = args.hide.map_or(shown, |list| shown.without(&list.0));
+    let data = view::data::Options {
+        cell: args.cell.0,
+        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit },
+        rgb_bits: args.rgb_bits.map(|bits| if bits == "8" { 8 } else { 16 }),
+        host_bytes: args.host_memory,
+        device_bytes: args.device_memory,
+        visibility: Visibility { classes, withheld: false, bridge: 4 },
+    };
+    let options = view::Options {
+        inputs: args.inputs,
+        data,
+        gpu: GpuOptions { device: args.device, validate: args.validate, ..GpuOptions::default() },
+        size: args.size,
+        color: args.color.0,
+        z_scale: args.z_scale,
+        eye: args.eye,
+        target: args.target,
+        orbit: args.orbit.map(|orbit| (orbit.angles, orbit.distance)),
+        fov: args.fov,
+        path,
+        quit: args.quit,
+        json: args.json,
+        log_events: args.log_events,
+    };
+    view::run(options).map_err(|error| match error.downcast_ref::<GpuError>() {
+        Some(GpuError::NoSuchDevice { .. }) => usage(&error).into(),
+        _ => error,
+    })?;
+    Ok(Outcome::Done)
+}

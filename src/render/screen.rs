@@ -1,0 +1,307 @@
+//! The picture in a window: one sample after the other while nothing changes, a band of rows a frame, and what lies
+//! under the cursor.
+
+use super::frame::{Band, FrameError, Hit, Rays, Renderer, View, carry, sample_at};
+use crate::gpu::{
+    Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Picture, QueueKind, SyncPoint,
+    Timestamps, shaders,
+};
+use crate::stream::scene::Scene;
+use crate::stream::table::Table;
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// Threads of a workgroup of `shaders/screen.comp`.
+const GROUP: u32 = 64;
+/// Bytes of a hit record.
+const HIT_BYTES: u64 = size_of::<Hit>() as u64;
+/// Bands start at multiples of this many rows, the side of the widest beams.
+const ROWS: u32 = 64;
+
+/// Mirrors the push constants of `shaders/screen.comp`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Push {
+    sums: [u32; 2],
+    words: [u32; 2],
+    width: u32,
+    scale: f32,
+}
+
+/// A place that a ray has hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Where it is shown, vertical exaggeration included.
+    pub shown: DVec3,
+    /// Its true height.
+    pub height: f64,
+    /// Class of what is shown there.
+    pub class: u8,
+}
+
+/// What was found under a point of the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pick {
+    /// Shares of the picture's width and height, from the top left.
+    pub at: [f64; 2],
+    /// `None`: nothing but background.
+    pub place: Option<Place>,
+}
+
+/// The picture that is being made.
+struct Work {
+    size: [u32; 2],
+    sample: u32,
+    next_row: u32,
+}
+
+/// Hit records on the device, and what their rays were.
+#[derive(Clone)]
+struct Hits {
+    rays: Rays,
+    size: [u32; 2],
+    /// Where in a pixel the rays went through, pixels from its centre.
+    offset: [f64; 2],
+}
+
+/// A hit record on its way to the host.
+struct Asked {
+    at: [f64; 2],
+    pixel: [f64; 2],
+    rays: Rays,
+    point: Option<SyncPoint>,
+}
+
+/// What exists once for every frame in flight.
+#[derive(Default)]
+struct Slot {
+    back: Option<Buffer>,
+    asked: Option<Asked>,
+    clock: Option<Timestamps>,
+    /// What is timed, and its pixels.
+    timed: Option<(SyncPoint, u64)>,
+}
+
+/// The picture in a window.
+pub struct Screen {
+    pack: ComputePipeline,
+    words: Option<Buffer>,
+    shown: Option<[u32; 2]>,
+    work: Option<Work>,
+    hits: Option<Hits>,
+    slots: Vec<Slot>,
+    /// Rows that the frame being recorded traces.
+    rows: u32,
+    /// And the pixels that are timed.
+    clocked: Option<u64>,
+}
+
+fn halves(address: u64) -> [u32; 2] {
+    [address as u32, (address >> 32) as u32]
+}
+
+impl Screen {
+    /// Nothing is shown yet.
+    pub fn new(gpu: &Gpu) -> Result<Screen, GpuError> {
+        let pack = ComputePipeline::new(gpu, "screen", shaders::SCREEN, &[], size_of::<Push>() as u32, &[])?;
+        Ok(Screen {
+            pack,
+            words: None,
+            shown: None,
+            work: None,
+            hits: None,
+            slots: Vec::new(),
+            rows: 0,
+            clocked: None,
+        })
+    }
+
+    /// Forgets what is under way: the scene is another one. The last picture stays.
+    pub fn forget(&mut self) {
+        (self.work, self.hits) = (None, None);
+        self.slots.clear();
+    }
+
+    /// Begins a picture of `size`; the last one that is whole stays until its first sample is there.
+    pub fn start(&mut self, size: [u32; 2]) {
+        self.work = Some(Work { size, sample: 0, next_row: 0 });
+    }
+
+    /// Pixels of the picture that is being made.
+    pub fn size(&self) -> Option<[u32; 2]> {
+        self.work.as_ref().map(|work| work.size)
+    }
+
+    /// Samples that are whole of the picture being made.
+    pub fn samples(&self) -> u32 {
+        self.work.as_ref().map_or(0, |work| work.sample)
+    }
+
+    /// Lets the scene carry what `view` colours by; before the frame begins.
+    pub fn prepare(&self, scene: &mut Scene, view: &View) -> Result<(), GpuError> {
+        carry(scene, view)
+    }
+
+    /// Records the next band of `view`, whose size is that of [`Screen::start`], in frame `slot`: at most `rows` rows
+    /// (rounded up to 64) of one of `view.samples` samples. Nothing when all samples are there.
+    pub fn record(
+        &mut self,
+        renderer: &mut Renderer,
+        scene: &mut Scene,
+        (commands, slot): (&mut Commands, usize),
+        view: &View,
+        table: &Table,
+        rows: u32,
+    ) -> Result<(), FrameError> {
+        (self.rows, self.clocked) = (0, None);
+        let Some(Work { size, sample, next_row }) = self.work else { return Ok(()) };
+        if sample >= view.samples {
+            return Ok(());
+        }
+        assert_eq!(size, view.size, "the picture that was started");
+        let [width, height] = size;
+        let rows = rows.max(1).next_multiple_of(ROWS).min(height - next_row);
+        let samples = view.samples;
+        let band =
+            Band { first_row: next_row, rows, sample, samples, read: false, screen: false, whole: true };
+        let rays = Rays::of(view, renderer.cell())?;
+        self.slot(slot);
+        let timed = &mut self.slots[slot];
+        if timed.clock.is_none() {
+            timed.clock = Timestamps::new(scene.gpu(), "window", QueueKind::Compute, super::frame::PASSES)?;
+        }
+        let clock = timed.clock.as_mut().filter(|_| timed.timed.is_none());
+        self.clocked = clock.is_some().then(|| u64::from(width) * u64::from(rows));
+        renderer.record(scene, (commands, slot), view, table, &rays, band, clock)?;
+        self.rows = rows;
+        let done = next_row + rows == height;
+        // Of a first sample in bands, records are of two pictures until it is whole.
+        if sample == 0 && !done {
+            self.hits = None;
+        }
+        self.work = Some(if done {
+            Work { size, sample: sample + 1, next_row: 0 }
+        } else {
+            Work { size, sample, next_row: next_row + rows }
+        });
+        if done {
+            let offset = sample_at(sample, samples).map(|sixteenths| f64::from(sixteenths - 8) / 16.0);
+            self.hits = Some(Hits { rays, size, offset });
+            let bytes = u64::from(width) * u64::from(height) * 4;
+            let words = match self.words.take().filter(|b| b.size() >= bytes) {
+                Some(words) => words,
+                None => Buffer::new(scene.gpu(), "window", MemoryKind::Device, bytes)?,
+            };
+            let [sums, _] = renderer.sums_and_hits().expect("recorded");
+            let push = Push {
+                sums: halves(sums.address()),
+                words: halves(words.address()),
+                width,
+                scale: samples as f32 / (sample + 1) as f32,
+            };
+            scene.order.next_pass(commands);
+            commands.bind(&self.pack);
+            commands.push(bytemuck::bytes_of(&push));
+            commands.keep(sums.clone());
+            commands.keep(words.clone());
+            commands.dispatch([width.div_ceil(GROUP), height, 1]);
+            self.words = Some(words);
+            self.shown = Some(size);
+        }
+        Ok(())
+    }
+
+    /// Asks in frame `slot` what lies at `at` (shares of the picture's width and height); [`Screen::take_picks`] tells.
+    /// `false`: no picture is whole now, ask again.
+    pub fn ask(
+        &mut self,
+        renderer: &Renderer,
+        scene: &mut Scene,
+        (commands, slot): (&mut Commands, usize),
+        at: [f64; 2],
+    ) -> Result<bool, GpuError> {
+        let (Some(hits), Some([_, records])) = (self.hits.clone(), renderer.sums_and_hits()) else {
+            return Ok(false);
+        };
+        self.slot(slot);
+        let slot = &mut self.slots[slot];
+        let pixel: [u32; 2] = std::array::from_fn(|axis| {
+            ((at[axis] * f64::from(hits.size[axis])).floor().max(0.0) as u32).min(hits.size[axis] - 1)
+        });
+        let back = match &slot.back {
+            Some(back) => back.clone(),
+            None => Buffer::new(scene.gpu(), "record under the cursor", MemoryKind::Readback, HIT_BYTES)?,
+        };
+        let from = (u64::from(pixel[1]) * u64::from(hits.size[0]) + u64::from(pixel[0])) * HIT_BYTES;
+        let copy = BufferCopy { from, to: 0, size: HIT_BYTES };
+        scene.order.readback(commands, &[(records, &back, copy)]);
+        slot.back = Some(back);
+        let pixel = std::array::from_fn(|axis| f64::from(pixel[axis]) + hits.offset[axis]);
+        slot.asked = Some(Asked { at, pixel, rays: hits.rays, point: None });
+        Ok(true)
+    }
+
+    /// Tells that frame `slot` was submitted.
+    pub fn submitted(&mut self, slot: usize, point: SyncPoint) {
+        self.slot(slot);
+        let slot = &mut self.slots[slot];
+        if let Some(asked) = &mut slot.asked {
+            asked.point.get_or_insert(point);
+        }
+        if let Some(pixels) = self.clocked.take() {
+            slot.timed = Some((point, pixels));
+        }
+        self.rows = 0;
+    }
+
+    /// Rows that the frame being recorded traces.
+    pub fn rows(&self) -> u32 {
+        self.rows
+    }
+
+    /// What was asked for and is there by now, latest last; waits for nothing.
+    pub fn take_picks(&mut self, renderer: &Renderer, scene: &mut Scene) -> Result<Vec<Pick>, GpuError> {
+        let mut picks = Vec::new();
+        for slot in &mut self.slots {
+            let Some(Asked { point: Some(point), .. }) = slot.asked else { continue };
+            if !scene.order.reached(point)? {
+                continue;
+            }
+            let (Some(asked), Some(back)) = (slot.asked.take(), &slot.back) else { continue };
+            let mut hit = Hit::zeroed();
+            scene.order.read(point, back, 0, bytemuck::bytes_of_mut(&mut hit))?;
+            let class = u8::try_from(hit.bits & 0x1FF).ok();
+            let place = class.map(|class| {
+                let (shown, height) = renderer.place_of(&asked.rays, &hit, asked.pixel);
+                Place { shown, height, class }
+            });
+            picks.push((point.value(), Pick { at: asked.at, place }));
+        }
+        picks.sort_by_key(|(value, _)| *value);
+        Ok(picks.into_iter().map(|(_, pick)| pick).collect())
+    }
+
+    /// Pixels that were traced and the milliseconds that it took, of frames that are done, each told once; waits for
+    /// nothing.
+    pub fn take_times(&mut self, scene: &mut Scene) -> Result<Vec<(u64, f64)>, GpuError> {
+        let mut times = Vec::new();
+        for slot in &mut self.slots {
+            let (Some((point, pixels)), Some(clock)) = (slot.timed, &mut slot.clock) else { continue };
+            if scene.order.reached(point)? {
+                slot.timed = None;
+                let passes = clock.resolve(&mut scene.order, point)?;
+                times.push((pixels, passes.iter().map(|(_, ns)| ns / 1e6).sum()));
+            }
+        }
+        Ok(times)
+    }
+
+    /// The last picture that is whole, to be shown at `place` (see [`Picture`]).
+    pub fn picture(&self, place: [u32; 4]) -> Option<Picture<'_>> {
+        Some(Picture { words: self.words.as_ref()?, size: self.shown?, place })
+    }
+
+    fn slot(&mut self, slot: usize) {
+        self.slots.resize_with(self.slots.len().max(slot + 1), Slot::default);
+    }
+}

@@ -1,0 +1,68 @@
+//! How much of a picture one frame traces, so that the window stays at hand on slow devices. Pure.
+
+/// What one frame may take on the device, milliseconds.
+const FRAME_MS: f64 = 50.0;
+/// Coarsest pictures: this share of the width and height.
+const COARSEST: f64 = 0.25;
+/// Steps of the share, so that sizes do not flicker.
+const STEPS: f64 = 16.0;
+/// Weight of the latest frame.
+const LATEST: f64 = 0.3;
+
+/// What a pixel costs.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    ms_per_pixel: f64,
+}
+
+impl Pace {
+    /// A guess for the first frame: `is_slow` for devices that trace on the CPU.
+    pub fn new(is_slow: bool) -> Pace {
+        Pace { ms_per_pixel: if is_slow { 3e-4 } else { 5e-6 } }
+    }
+
+    /// Learns from a frame.
+    pub fn learn(&mut self, pixels: u64, ms: f64) {
+        if pixels > 0 && ms > 0.0 {
+            self.ms_per_pixel += LATEST * (ms / pixels as f64 - self.ms_per_pixel);
+        }
+    }
+
+    /// Size of the picture while things move, for one of `full` at rest.
+    pub fn coarse(&self, full: [u32; 2]) -> [u32; 2] {
+        let pixels = f64::from(full[0]) * f64::from(full[1]);
+        let share = (FRAME_MS / (self.ms_per_pixel * pixels)).sqrt();
+        let share = ((share * STEPS).floor() / STEPS).clamp(COARSEST, 1.0);
+        full.map(|side| ((f64::from(side) * share).round() as u32).max(1))
+    }
+
+    /// Rows of a picture `width` pixels wide that a frame may trace.
+    pub fn rows(&self, width: u32) -> u32 {
+        (FRAME_MS / (self.ms_per_pixel * f64::from(width))).clamp(1.0, 1e6) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slow_devices_trace_less_and_fast_ones_all() {
+        let full = [1000, 800];
+        let mut pace = Pace::new(false);
+        assert_eq!(pace.coarse(full), full);
+        assert!(pace.rows(1000) > 800);
+        for _ in 0..50 {
+            pace.learn(800_000, 200.0);
+        }
+        // A quarter of the pixels takes a quarter of the time.
+        assert_eq!(pace.coarse(full), [500, 400]);
+        assert_eq!(pace.rows(1000), 200);
+        for _ in 0..50 {
+            pace.learn(1000, 1e6);
+        }
+        assert_eq!(pace.coarse(full), [250, 200]);
+        assert_eq!(pace.rows(1000), 1);
+        assert_eq!(pace.coarse([1, 1]), [1, 1]);
+    }
+}

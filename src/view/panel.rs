@@ -1,0 +1,608 @@
+//! The panel beside the picture, the status bar below it, and the small boxes over it.
+
+use super::data::{About, Status};
+use super::input::KEYS;
+use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color, class_name};
+use crate::coords::tidy;
+use crate::render::frame::Shade;
+use crate::render::screen::Place;
+use crate::source::placement::Placement;
+use crate::stream::scene::Visibility;
+use egui::{
+    Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, RichText, ScrollArea, Sense,
+    Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,
+};
+use glam::DVec3;
+use std::collections::VecDeque;
+use std::path::PathBuf;
+
+/// Width of the panel, points.
+const WIDTH: f32 = 296.0;
+/// Height of a line of a list.
+const LINE: f32 = 20.0;
+/// Frames that a plot shows.
+const PLOTTED: usize = 120;
+/// Classes that are listed even if the sample has none: they are hidden at first.
+const NOISE: [u8; 2] = [7, 18];
+/// Longest hole that is bridged, cells.
+pub const BRIDGE: u32 = 4;
+
+const GROUND: Color32 = Color32::from_rgb(27, 29, 33);
+const WELL: Color32 = Color32::from_rgb(18, 19, 22);
+const TEXT: Color32 = Color32::from_rgb(218, 221, 226);
+const WEAK: Color32 = Color32::from_rgb(142, 148, 158);
+const ACCENT: Color32 = Color32::from_rgb(86, 156, 214);
+const WARN: Color32 = Color32::from_rgb(230, 170, 80);
+
+/// What the user has chosen to see.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// What colours show.
+    pub color: ColorMode,
+    /// Classes, withheld points, bridges.
+    pub visibility: Visibility,
+    /// Vertical exaggeration.
+    pub z_scale: f64,
+    /// Light.
+    pub shade: Shade,
+}
+
+/// The last values of something, for a plot.
+#[derive(Default)]
+pub struct History {
+    values: VecDeque<f32>,
+}
+
+impl History {
+    /// Adds the latest.
+    pub fn push(&mut self, value: f64) {
+        if self.values.len() == PLOTTED {
+            self.values.pop_front();
+        }
+        self.values.push_back(value as f32);
+    }
+}
+
+/// Milliseconds of the stages of frames.
+#[derive(Default)]
+pub struct Times {
+    /// From one frame to the next, while there is something to do.
+    pub frame: History,
+    /// On the device.
+    pub trace: History,
+    /// Taking what has arrived.
+    pub upload: History,
+}
+
+/// What the panel shows.
+pub struct Shown<'a> {
+    /// Files, classes, units.
+    pub about: Option<&'a About>,
+    /// Progress, memory, messages.
+    pub status: &'a Status,
+    /// The colours in use.
+    pub colors: Option<&'a ColorTable>,
+    /// Plots.
+    pub times: &'a Times,
+    /// What lies under the cursor.
+    pub under_cursor: Option<Place>,
+    /// What is going on, in short.
+    pub state: String,
+}
+
+/// What the user asks for.
+#[derive(Debug, Default)]
+pub struct Asked {
+    /// A file by its place in the list is to be shown, or hidden.
+    pub file: Option<(usize, bool)>,
+    /// Coordinates to go to, as typed: E, N and perhaps U, of the files.
+    pub go_to: Option<(f64, f64, Option<f64>)>,
+    /// A view to open.
+    pub open: Option<PathBuf>,
+}
+
+/// The panel and its boxes.
+pub struct Panel {
+    /// The panel is there.
+    pub is_open: bool,
+    /// The list of keys is.
+    pub has_keys: bool,
+    /// What is typed into the box for coordinates.
+    pub go_to: Option<String>,
+    /// And into that for a view's file.
+    pub open_view: Option<String>,
+    /// A box was opened in this frame: it gets the keys.
+    pub focus: bool,
+    /// Why what was typed is none.
+    pub refused: Option<String>,
+}
+
+/// Looks: dark, quiet, one accent.
+pub fn style(context: &egui::Context) {
+    context.set_theme(egui::Theme::Dark);
+    context.all_styles_mut(|style| {
+        for (kind, size) in [
+            (egui::TextStyle::Body, 13.0),
+            (egui::TextStyle::Button, 13.0),
+            (egui::TextStyle::Small, 11.0),
+            (egui::TextStyle::Monospace, 12.0),
+            (egui::TextStyle::Heading, 15.0),
+        ] {
+            if let Some(font) = style.text_styles.get_mut(&kind) {
+                font.size = size;
+            }
+        }
+        style.spacing.item_spacing = vec2(8.0, 5.0);
+        style.spacing.interact_size.y = LINE;
+        style.spacing.scroll = egui::style::ScrollStyle::thin();
+        style.animation_time = 0.0;
+        let visuals = &mut style.visuals;
+        visuals.panel_fill = GROUND;
+        visuals.window_fill = GROUND;
+        visuals.window_stroke = Stroke::new(1.0, Color32::from_gray(60));
+        visuals.extreme_bg_color = WELL;
+        visuals.override_text_color = Some(TEXT);
+        visuals.weak_text_color = Some(WEAK);
+        visuals.selection.bg_fill = ACCENT.gamma_multiply(0.55);
+        visuals.selection.stroke = Stroke::new(1.0, Color32::WHITE);
+        visuals.widgets.noninteractive.bg_stroke = Stroke::new(1.0, Color32::from_gray(48));
+        visuals.slider_trailing_fill = true;
+    });
+}
+
+/// A number in few letters: 812, 45.1 k, 12.3 M, 3.21 G.
+pub fn short(n: u64) -> String {
+    let scaled = |unit: f64, name: &str| {
+        let value = n as f64 / unit;
+        let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
+        format!("{value:.digits$} {name}")
+    };
+    match n {
+        0..10_000 => n.to_string(),
+        10_000..1_000_000 => scaled(1e3, "k"),
+        1_000_000..1_000_000_000 => scaled(1e6, "M"),
+        _ => scaled(1e9, "G"),
+    }
+}
+
+/// Bytes in few letters.
+pub fn bytes(n: u64) -> String {
+    let mib = n as f64 / f64::from(1 << 20);
+    if mib >= 1000.0 { format!("{:.2} GiB", mib / 1024.0) } else { format!("{mib:.0} MiB") }
+}
+
+fn weak(words: impl Into<String>) -> RichText {
+    RichText::new(words).color(WEAK)
+}
+
+/// A part of the panel.
+fn part(ui: &mut Ui, name: &str, is_open: bool, content: impl FnOnce(&mut Ui)) {
+    let title = RichText::new(name).strong().color(Color32::from_gray(235));
+    egui::CollapsingHeader::new(title).default_open(is_open).show_unindented(ui, content);
+    ui.add_space(4.0);
+}
+
+/// Words on the left, words on the right.
+fn pair(ui: &mut Ui, left: &str, right: impl Into<String>) {
+    ui.horizontal(|ui| {
+        ui.label(weak(left));
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| ui.label(right.into()));
+    });
+}
+
+/// How much of a whole.
+fn bar(ui: &mut Ui, name: &str, [part, whole]: [u64; 2], words: String) {
+    pair(ui, name, words);
+    let share = if whole == 0 { 0.0 } else { (part as f64 / whole as f64).clamp(0.0, 1.0) as f32 };
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 4.0), Sense::hover());
+    ui.painter().rect_filled(rect, 2.0, WELL);
+    let fill = rect.with_max_x(rect.left() + rect.width() * share);
+    ui.painter().rect_filled(fill, 2.0, if share > 0.95 && name.ends_with("memory") { WARN } else { ACCENT });
+    ui.add_space(2.0);
+}
+
+fn swatch(ui: &mut Ui, [r, g, b]: [u8; 3]) {
+    let (rect, _) = ui.allocate_exact_size(vec2(12.0, 12.0), Sense::hover());
+    ui.painter().rect_filled(rect, 2.0, Color32::from_rgb(r, g, b));
+}
+
+/// The ramp, with the values at its ends and in its middle.
+fn ramp(ui: &mut Ui, table: &ColorTable, (low, high): (f64, f64), unit: &str) {
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 14.0), Sense::hover());
+    let mut mesh = Mesh::default();
+    for (k, [r, g, b, _]) in table.table.iter().enumerate().step_by(3) {
+        let [r, g, b] = [r, g, b].map(|v| (v * 255.0).round() as u8);
+        let x = rect.left() + rect.width() * k as f32 / 255.0;
+        for y in [rect.top(), rect.bottom()] {
+            mesh.colored_vertex(pos2(x, y), Color32::from_rgb(r, g, b));
+        }
+        if k > 0 {
+            let n = mesh.vertices.len() as u32;
+            mesh.add_triangle(n - 4, n - 3, n - 2);
+            mesh.add_triangle(n - 3, n - 2, n - 1);
+        }
+    }
+    ui.painter().add(Shape::mesh(mesh));
+    let digits = if high - low < 20.0 { 1 } else { 0 };
+    let number = |v: f64| format!("{v:.digits$}");
+    let (line, _) = ui.allocate_exact_size(vec2(ui.available_width(), 14.0), Sense::hover());
+    let font = FontId::proportional(11.0);
+    let words = [number(low), number((low + high) / 2.0), format!("{} {unit}", number(high))];
+    let aligns = [Align2::LEFT_CENTER, Align2::CENTER_CENTER, Align2::RIGHT_CENTER];
+    let places = [line.left_center(), line.center(), line.right_center()];
+    for ((words, align), at) in words.into_iter().zip(aligns).zip(places) {
+        ui.painter().text(at, align, words, font.clone(), WEAK);
+    }
+}
+
+/// The last values as a line under its name and number.
+fn plot(ui: &mut Ui, name: &str, history: &History) {
+    let last = history.values.back().map_or("–".to_owned(), |v| format!("{v:.1} ms"));
+    let most = history.values.iter().copied().fold(0.0, f32::max);
+    pair(ui, name, last);
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 26.0), Sense::hover());
+    ui.painter().rect_filled(rect, 2.0, WELL);
+    let inner = rect.shrink(3.0);
+    let points: Vec<_> = history
+        .values
+        .iter()
+        .enumerate()
+        .map(|(k, v)| {
+            let x = inner.left() + inner.width() * k as f32 / (PLOTTED - 1) as f32;
+            pos2(x, inner.bottom() - inner.height() * v / most.max(1e-3))
+        })
+        .collect();
+    if points.len() > 1 {
+        ui.painter().line(points, Stroke::new(1.2, ACCENT));
+    }
+    if most > 0.0 {
+        let font = FontId::proportional(10.0);
+        ui.painter().text(inner.right_top(), Align2::RIGHT_TOP, format!("{most:.0}"), font, WEAK);
+    }
+}
+
+/// What lies under the cursor, in the coordinates of the files.
+pub fn coordinates(place: &Place, about: &About) -> String {
+    let world = DVec3 { z: place.height, ..place.shown };
+    let file = about.placement.unplace(world);
+    let unit = about.unit.as_ref().map_or("", |u| u.symbol());
+    let is_scaled = matches!(about.placement, Placement::Scaled(factor) if factor.x != 1.0);
+    let digits = if is_scaled { 7 } else { 2 };
+    format!("E {:.digits$}   N {:.digits$}   U {:.2} {unit}", file.x, file.y, file.z)
+}
+
+/// Numbers as they are typed: E,N or E,N,U.
+fn typed(text: &str) -> Result<(f64, f64, Option<f64>), String> {
+    let numbers: Vec<f64> = text
+        .split([',', ';', ' '])
+        .filter(|word| !word.is_empty())
+        .map(|word| {
+            word.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or(format!("'{word}' is not a number"))
+        })
+        .collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [e, n] => Ok((e, n, None)),
+        [e, n, u] => Ok((e, n, Some(u))),
+        _ => Err("two or three numbers: E, N and, if you like, U".to_owned()),
+    }
+}
+
+impl Default for Panel {
+    fn default() -> Panel {
+        Panel { is_open: true, has_keys: false, go_to: None, open_view: None, focus: false, refused: None }
+    }
+}
+
+impl Panel {
+    /// Whether a box waits for words.
+    pub fn is_typing(&self) -> bool {
+        self.go_to.is_some() || self.open_view.is_some()
+    }
+
+    /// Closes the boxes.
+    pub fn close(&mut self) {
+        (self.go_to, self.open_view, self.has_keys, self.refused) = (None, None, false, None);
+    }
+
+    /// Lays out everything but the picture, which gets what is left of `ui`.
+    pub fn show(&mut self, ui: &mut Ui, settings: &mut Settings, shown: &Shown) -> Asked {
+        let mut asked = Asked::default();
+        let margin = Margin::symmetric(12, 3);
+        let frame = egui::Frame::new().fill(GROUND).inner_margin(margin);
+        egui::Panel::bottom("status").exact_size(26.0).frame(frame).show(ui, |ui| self.status(ui, shown));
+        if self.is_open {
+            let frame = egui::Frame::new().fill(GROUND).inner_margin(Margin {
+                left: 12,
+                right: 4,
+                top: 10,
+                bottom: 4,
+            });
+            egui::Panel::left("panel").exact_size(WIDTH).resizable(false).frame(frame).show(ui, |ui| {
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    ui.set_width(WIDTH - 30.0);
+                    self.parts(ui, settings, shown, &mut asked);
+                });
+            });
+        }
+        self.boxes(ui.ctx(), &mut asked);
+        asked
+    }
+
+    fn status(&self, ui: &mut Ui, shown: &Shown) {
+        ui.horizontal_centered(|ui| {
+            match (&shown.under_cursor, shown.about) {
+                (Some(place), Some(about)) => {
+                    ui.label(RichText::new(coordinates(place, about)).monospace());
+                    ui.separator();
+                    let [r, g, b] = class_color(place.class);
+                    let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
+                    ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
+                    ui.label(format!("{} {}", place.class, class_name(place.class)));
+                }
+                _ => {
+                    let crs = shown.about.map(|about| match &about.crs {
+                        Some(crs) => crs.name.clone(),
+                        None => "no coordinate system is named".to_owned(),
+                    });
+                    ui.label(weak(crs.unwrap_or_default()));
+                }
+            }
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                ui.label(weak("? keys"));
+                ui.separator();
+                ui.label(weak(&shown.state));
+            });
+        });
+    }
+
+    fn parts(&mut self, ui: &mut Ui, settings: &mut Settings, shown: &Shown, asked: &mut Asked) {
+        let unit = shown.about.and_then(|about| about.unit.as_ref()).map_or("", |u| u.symbol());
+        part(ui, "Colour", true, |ui| {
+            ui.horizontal(|ui| {
+                ui.spacing_mut().item_spacing.x = 2.0;
+                for mode in MODES {
+                    let words = match mode {
+                        ColorMode::Rgb => "RGB",
+                        ColorMode::Height => "Height",
+                        ColorMode::Class => "Class",
+                        ColorMode::Intensity => "Intensity",
+                        ColorMode::Return => "Return",
+                    };
+                    ui.selectable_value(&mut settings.color, mode, words);
+                }
+            });
+            match shown.colors {
+                Some(ColorTable { constant: Some(constant), .. }) => {
+                    ui.label(weak(format!("{constant}: grey")));
+                }
+                Some(table) => match (table.mode, table.range) {
+                    (ColorMode::Height, Some(range)) => ramp(ui, table, range, unit),
+                    (_, Some(range)) => ramp(ui, table, range, ""),
+                    (ColorMode::Return, None) => {
+                        for kind in RETURNS {
+                            ui.horizontal(|ui| {
+                                swatch(ui, kind.color());
+                                ui.label(kind.name());
+                            });
+                        }
+                    }
+                    (ColorMode::Class, None) => {
+                        ui.label(weak("the colours of the list of classes"));
+                    }
+                    (_, None) => {}
+                },
+                None => {}
+            }
+        });
+        part(ui, "Classes", true, |ui| classes(ui, &mut settings.visibility, shown));
+        part(ui, "Picture", true, |ui| {
+            ui.horizontal(|ui| {
+                ui.label("Height ×");
+                ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                    let is_scaled = settings.z_scale != 1.0;
+                    if ui.add_enabled(is_scaled, Button::new("1").small()).clicked() {
+                        settings.z_scale = 1.0;
+                    }
+                    ui.spacing_mut().slider_width = 110.0;
+                    let slider =
+                        Slider::new(&mut settings.z_scale, 0.2..=20.0).logarithmic(true).max_decimals(2);
+                    ui.add(slider);
+                });
+            });
+            let mut is_bridged = settings.visibility.bridge > 0;
+            if ui.checkbox(&mut is_bridged, "Bridge small holes").changed() {
+                settings.visibility.bridge = if is_bridged { BRIDGE } else { 0 };
+            }
+            let mut is_lit = settings.shade == Shade::Lit;
+            if ui.checkbox(&mut is_lit, "Sun and sky").changed() {
+                settings.shade = if is_lit { Shade::Lit } else { Shade::None };
+            }
+            ui.checkbox(&mut settings.visibility.withheld, "Withheld points");
+        });
+        part(ui, "Files", true, |ui| files(ui, shown, asked));
+        part(ui, "Data", true, |ui| data(ui, shown));
+        part(ui, "Times", false, |ui| {
+            plot(ui, "frame", &shown.times.frame);
+            plot(ui, "trace", &shown.times.trace);
+            plot(ui, "upload", &shown.times.upload);
+            pair(ui, "read", bytes(shown.status.bytes_read));
+        });
+        if !shown.status.messages.is_empty() {
+            let name = format!("Messages ({})", shown.status.messages.len());
+            part(ui, &name, true, |ui| {
+                for line in &shown.status.messages {
+                    ui.label(RichText::new(line).small());
+                }
+            });
+        }
+    }
+
+    fn boxes(&mut self, context: &egui::Context, asked: &mut Asked) {
+        let focus = std::mem::take(&mut self.focus);
+        let line = |title: &str, hint: &str, text: &mut String, refused: &Option<String>| {
+            let mut done = false;
+            boxed(title).show(context, |ui| {
+                let edit = ui.add(TextEdit::singleline(text).hint_text(hint).desired_width(320.0));
+                if focus {
+                    edit.request_focus();
+                }
+                done = edit.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
+                if let Some(refused) = refused {
+                    ui.label(RichText::new(refused).color(WARN).small());
+                }
+            });
+            done
+        };
+        if let Some(text) = &mut self.go_to
+            && line("Go to", "E, N or E, N, U", text, &self.refused)
+        {
+            match typed(text) {
+                Ok(place) => {
+                    asked.go_to = Some(place);
+                    self.close();
+                }
+                Err(why) => (self.refused, self.focus) = (Some(why), true),
+            }
+        }
+        if let Some(text) = &mut self.open_view
+            && line("Open a view", "file with a camera path", text, &self.refused)
+        {
+            asked.open = Some(PathBuf::from(text.trim()));
+            self.close();
+        }
+        if self.has_keys {
+            boxed("Keys").show(context, |ui| {
+                egui::Grid::new("keys").spacing(vec2(24.0, 4.0)).show(ui, |ui| {
+                    for (keys, what) in KEYS {
+                        ui.label(RichText::new(keys).strong());
+                        ui.label(what);
+                        ui.end_row();
+                    }
+                });
+            });
+        }
+    }
+}
+
+fn boxed(title: &str) -> egui::Window<'_> {
+    egui::Window::new(title).anchor(Align2::CENTER_CENTER, Vec2::ZERO).collapsible(false).resizable(false)
+}
+
+/// In the order of the panel and of the key that goes through them.
+pub const MODES: [ColorMode; 5] =
+    [ColorMode::Rgb, ColorMode::Height, ColorMode::Class, ColorMode::Intensity, ColorMode::Return];
+
+const RETURNS: [ReturnKind; 5] =
+    [ReturnKind::Single, ReturnKind::First, ReturnKind::Intermediate, ReturnKind::Last, ReturnKind::Unknown];
+
+fn classes(ui: &mut Ui, visibility: &mut Visibility, shown: &Shown) {
+    let Some(about) = shown.about else {
+        ui.label(weak("…"));
+        return;
+    };
+    let counts = &about.summary.classes;
+    let listed = |class: &u8| counts[usize::from(*class)] > 0 || NOISE.contains(class);
+    let mask = &mut visibility.classes;
+    for class in (0..=255u8).filter(listed) {
+        let mut is_shown = mask.shows(class);
+        let row = ui.horizontal(|ui| {
+            let changed = ui.add(Checkbox::without_text(&mut is_shown)).changed();
+            swatch(ui, class_color(class));
+            let name = RichText::new(class_name(class)).color(if is_shown { TEXT } else { WEAK });
+            ui.label(weak(class.to_string()));
+            let label = ui.add(egui::Label::new(name).sense(Sense::click()).selectable(false));
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                let count = counts[usize::from(class)];
+                ui.label(weak(if count == 0 { String::new() } else { short(count) }));
+            });
+            if label.clicked() {
+                is_shown = !is_shown;
+            }
+            changed || label.clicked()
+        });
+        if row.inner {
+            *mask = if is_shown { mask.with(&[class]) } else { mask.without(&[class]) };
+        }
+    }
+    ui.horizontal(|ui| {
+        if ui.small_button("All").clicked() {
+            *mask = ClassMask::all();
+        }
+        if ui.small_button("None").clicked() {
+            *mask = ClassMask::only(&[]);
+        }
+        if ui.small_button("Usual").on_hover_text("all but noise").clicked() {
+            *mask = ClassMask::default();
+        }
+    });
+}
+
+fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
+    let files = shown.about.map_or(&[][..], |about| &about.files);
+    if files.is_empty() {
+        ui.label(weak("Drop files or folders into the window"));
+    }
+    // Thousands of files are no more to lay out than those in sight.
+    let height = (files.len() as f32 * (LINE + 5.0)).min(8.0 * (LINE + 5.0));
+    let area = ScrollArea::vertical().id_salt("files").max_height(height).auto_shrink([false, true]);
+    area.show_rows(ui, LINE, files.len(), |ui, rows| {
+        for (index, file) in rows.clone().zip(&files[rows]) {
+            ui.horizontal(|ui| {
+                let mut is_shown = file.shown;
+                if ui.add(Checkbox::without_text(&mut is_shown)).changed() {
+                    asked.file = Some((index, is_shown));
+                }
+                ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                    ui.label(weak(short(file.points)));
+                    ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                        let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                        let name = RichText::new(name).color(if is_shown { TEXT } else { WEAK });
+                        ui.add(egui::Label::new(name).truncate()).on_hover_text(file.path.to_string_lossy());
+                    });
+                });
+            });
+        }
+    });
+}
+
+fn data(ui: &mut Ui, shown: &Shown) {
+    let status = shown.status;
+    let [points, decoded] = [status.points, status.points_decoded];
+    bar(ui, "points decoded", [decoded, points], format!("{} of {}", short(decoded), short(points)));
+    let [wanted, resident] = [status.sections_wanted, status.sections_resident];
+    bar(ui, "sections resident", [resident, wanted], format!("{resident} of {wanted}"));
+    for (name, [held, budget]) in [("host memory", status.host_bytes), ("device memory", status.device_bytes)]
+    {
+        bar(ui, name, [held, budget], format!("{} of {}", bytes(held), bytes(budget)));
+    }
+    if let Some(why) = &status.reduced_detail {
+        ui.label(RichText::new(format!("Reduced detail: {why}")).color(WARN).small());
+    }
+    if let Some(about) = shown.about {
+        let size = (about.bounds.max - about.bounds.min).round();
+        let unit = about.unit.as_ref().map_or("units", |u| u.symbol());
+        pair(ui, "extent", format!("{} × {} × {} {unit}", tidy(size.x), tidy(size.y), tidy(size.z)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        let numbers = [0, 999, 9_999, 12_345, 812_000, 1_234_567, 45_600_000, 3_210_000_000];
+        let words = ["0", "999", "9999", "12.3 k", "812 k", "1.23 M", "45.6 M", "3.21 G"];
+        assert_eq!(numbers.map(short), words);
+        assert_eq!(bytes(3 << 19), "2 MiB");
+        assert_eq!(bytes(1 << 30), "1.00 GiB");
+    }
+
+    #[test]
+    fn coordinates_are_typed_in_many_ways() {
+        assert_eq!(typed("512000, 5402900"), Ok((512000.0, 5402900.0, None)));
+        assert_eq!(typed("1;2;3"), Ok((1.0, 2.0, Some(3.0))));
+        assert_eq!(typed("1.5 -2"), Ok((1.5, -2.0, None)));
+        assert!(typed("12").is_err() && typed("a,b").is_err() && typed("1,inf").is_err());
+    }
+}

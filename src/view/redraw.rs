@@ -1,0 +1,385 @@
+//! One frame: what has arrived, the toolkit's part, the next piece of the picture, and both onto the window.
+
+use super::data::{Data, Status};
+use super::panel::{self, Settings, Shown};
+use super::{LATER, Options, Question, SAMPLES, SOON, Viewer, Wanted, overlay};
+use crate::attribute::{ColorMode, ColorTable};
+use crate::render::camera::Camera;
+use crate::render::frame::{Background, Renderer, Traversal, View, check_size};
+use egui::{Color32, FontId, Rect};
+use std::ffi::OsString;
+use std::time::Instant;
+
+/// Where lit pictures end: a slab under the data, which low stray points do not make deeper.
+pub(super) fn floor(data: &Data) -> Option<f64> {
+    let about = data.about()?;
+    let (bounds, spread) = (about.bounds, about.summary.height);
+    let low = bounds.min.z.max(spread.p2 - (spread.p98 - spread.p2));
+    let cell = data.grid().0.cell();
+    Some(low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * cell)
+}
+
+/// The picture of `size` pixels; `None` while nothing is known of the data.
+pub(super) fn traced<'a>(
+    data: &Data,
+    settings: &Settings,
+    camera: &'a Camera,
+    colors: Option<&'a (ColorMode, ColorTable)>,
+    size: [u32; 2],
+) -> Option<View<'a>> {
+    let bounds = data.about()?.bounds;
+    Some(View {
+        camera,
+        size,
+        samples: SAMPLES,
+        z_scale: settings.z_scale,
+        pivot: bounds.min.z,
+        bounds,
+        floor: floor(data)?,
+        colors: &colors?.1,
+        shade: settings.shade,
+        background: Background::Sky,
+        traversal: Traversal::Fast,
+        window: None,
+    })
+}
+
+impl Viewer {
+    /// Draws a frame; `true` when the window is to be closed.
+    pub(super) fn redraw(&mut self, options: &Options) -> anyhow::Result<bool> {
+        let begun = Instant::now();
+        self.next = None;
+        self.take_dropped();
+
+        let tick = self.data.tick(&self.gpu, &self.camera, self.place.size, self.settings.z_scale)?;
+        let upload_ms = begun.elapsed().as_secs_f64() * 1e3;
+        if tick.is_new_scene {
+            self.renderer = None;
+            self.colors = None;
+            self.screen.forget();
+            (self.asked, self.answers_due) = (None, false);
+            self.log(format_args!("scene"));
+        }
+        if let Some(renderer) = &self.renderer {
+            for pick in self.screen.take_picks(renderer, self.data.scene_mut())? {
+                if let Some(place) = &pick.place {
+                    let at = place.shown;
+                    self.log(format_args!(
+                        "pick {:.3} {:.3} {:.3} class {}",
+                        at.x, at.y, place.height, place.class
+                    ));
+                }
+                self.pick = Some((pick, self.camera));
+                self.answers_due = false;
+            }
+        }
+        for (pixels, ms) in self.screen.take_times(self.data.scene_mut())? {
+            self.pace.learn(pixels, ms);
+            self.times.trace.push(ms);
+        }
+        self.fly();
+        let is_playing = self.play(options)?;
+
+        let output = self.lay_out()?;
+        let pixels_per_point = output.pixels_per_point;
+        self.overlay.change_textures(&output.textures_delta)?;
+        let primitives = self.context.tessellate(output.shapes, pixels_per_point);
+        if !self.is_framed && self.data.about().is_some() && !self.place.size.contains(&0) {
+            self.first_view(options)?;
+        }
+        self.apply_settings()?;
+
+        let has_more = self.plan(tick.changed)?;
+        let submitted = self.submit((pixels_per_point, &primitives))?;
+        self.overlay.free_textures(&output.textures_delta);
+        if !submitted {
+            // Minimised, or in the middle of a change.
+            self.next = Some(begun + LATER);
+            return Ok(false);
+        }
+        self.data.scene_mut().order.collect()?;
+
+        let is_moving = self.input.is_flying() || is_playing;
+        self.note_times(begun, upload_ms, has_more || is_moving);
+        if is_playing {
+            self.played += 1;
+        }
+        let repaint = output.viewport_output.get(&egui::ViewportId::ROOT).map(|out| out.repaint_delay);
+        let until = |at: Option<Instant>, new: Instant| Some(at.map_or(new, |at| at.min(new)));
+        if has_more || is_moving || repaint.is_some_and(|delay| delay.is_zero()) {
+            self.window.request_redraw();
+        }
+        if tick.is_busy || self.answers_due {
+            self.next = until(self.next, begun + SOON);
+        }
+        if !self.data.status().is_complete {
+            // Progress moves without news.
+            self.next = until(self.next, begun + LATER);
+        }
+        if let Some(at) = repaint.and_then(|delay| begun.checked_add(delay)) {
+            self.next = until(self.next, at);
+        }
+        if let Some((_, end)) = self.notice {
+            self.next = until(self.next, end);
+        }
+        let has_settled = !has_more && !tick.is_busy && !is_moving && self.data.status().is_complete;
+        if has_settled && !self.has_settled {
+            self.log_settled();
+        }
+        self.has_settled = has_settled;
+        let is_over = options.path.as_ref().is_some_and(|(_, frames)| self.played >= *frames);
+        Ok(is_over && options.quit)
+    }
+
+    /// Everything has come and the picture is finished.
+    fn log_settled(&self) {
+        let ([width, height], status) = (self.place.size, self.data.status());
+        if let Some(why) = &status.failed {
+            self.log(format_args!("failed {why}"));
+        }
+        let (eye, [azimuth, elevation]) = (self.camera.eye(), self.camera.angles());
+        self.log(format_args!(
+            "settled {width}x{height} eye {:.2},{:.2},{:.2} look {azimuth:.2},{elevation:.2} sections {}",
+            eye.x, eye.y, eye.z, status.sections_resident
+        ));
+    }
+
+    /// Files that were dropped onto the window: views and data.
+    fn take_dropped(&mut self) {
+        let is_view =
+            |path: &std::path::PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        let (views, data): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut self.dropped).into_iter().partition(is_view);
+        if let Some(view) = views.last() {
+            self.open_view(view);
+        }
+        if !data.is_empty() {
+            self.data.add(data.into_iter().map(OsString::from).collect());
+        }
+    }
+
+    /// Follows the camera path; whether there is more of it.
+    fn play(&mut self, options: &Options) -> anyhow::Result<bool> {
+        let Some((path, frames)) = &options.path else { return Ok(false) };
+        let Some(about) = self.data.about().filter(|_| self.is_framed && self.played < *frames) else {
+            return Ok(false);
+        };
+        let placed = path.placed(|v| about.placement.place(v.x, v.y, v.z))?;
+        let frame = placed.spread(*frames).nth(self.played as usize);
+        if let Some(frame) = frame {
+            self.camera = placed.camera(frame)?;
+        }
+        Ok(true)
+    }
+
+    /// Runs the toolkit: panel, status bar, boxes, what is drawn over the picture.
+    fn lay_out(&mut self) -> anyhow::Result<egui::FullOutput> {
+        let raw = self.toolkit.take_egui_input(&self.window);
+        let status = self.data.status();
+        let under_cursor =
+            self.pick.as_ref().and_then(|(pick, _)| pick.place).filter(|_| self.input.cursor().is_some());
+        let shown = Shown {
+            about: self.data.about(),
+            status: &status,
+            colors: self.colors.as_ref().map(|(_, table)| table),
+            times: &self.times,
+            under_cursor,
+            state: self.state(&status),
+        };
+        self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
+        let (panel, settings, context) = (&mut self.panel, &mut self.settings, self.context.clone());
+        let (camera, pick, notice) = (&self.camera, &self.pick, &self.notice);
+        let (is_framed, is_empty) = (self.is_framed, self.data.scene().entries().is_empty());
+        let (mut asked, mut rect) = (panel::Asked::default(), Rect::ZERO);
+        let old_size = self.place.size;
+        let output = context.run_ui(raw, |ui| {
+            asked = panel.show(ui, settings, &shown);
+            rect = ui.available_rect_before_wrap();
+            let painter = ui.painter().with_clip_rect(rect);
+            let place = overlay::Place { rect, size: old_size };
+            let unit = shown.about.and_then(|about| about.unit.as_ref()).map(|unit| unit.symbol().to_owned());
+            if let (true, Some(about)) = (is_framed, shown.about) {
+                if is_empty {
+                    let bounds = about.bounds.exaggerated(settings.z_scale, about.bounds.min.z);
+                    overlay::frame(&painter, place, camera, &bounds);
+                }
+                overlay::north_arrow(&painter, place, camera);
+                let middle =
+                    pick.as_ref().and_then(|(pick, _)| pick.place).map_or(camera.target(), |p| p.shown);
+                overlay::scale_bar(&painter, place, camera, middle, unit.as_deref());
+            }
+            if let Some(why) = &status.failed {
+                overlay::notice(&painter, place, why);
+            } else if let Some((words, _)) = notice {
+                overlay::notice(&painter, place, words);
+            } else if is_empty {
+                opening(&painter, rect, &status);
+            }
+        });
+        let platform = output.platform_output.clone();
+        self.toolkit.handle_platform_output(&self.window, platform);
+        let scaled = rect * output.pixels_per_point;
+        let side = |low: f32, high: f32| (high.round() - low.round()).max(0.0) as u32;
+        let size = [side(scaled.left(), scaled.right()), side(scaled.top(), scaled.bottom())];
+        self.place = overlay::Place { rect, size };
+
+        if let Some((file, is_shown)) = asked.file {
+            self.data.set_visible(file, is_shown);
+        }
+        if let Some(place) = asked.go_to {
+            self.go_to(place);
+        }
+        if let Some(path) = asked.open {
+            self.open_view(&path);
+        }
+        Ok(output)
+    }
+
+    /// What is going on, in short.
+    fn state(&self, status: &Status) -> String {
+        let samples = self.screen.samples();
+        match () {
+            _ if !status.is_complete && status.points > 0 && status.points_decoded < status.points => {
+                let share = status.points_decoded as f64 / status.points as f64 * 100.0;
+                format!("reading {share:.0} %")
+            }
+            _ if !status.is_complete => "reading".to_owned(),
+            _ if self.is_coarse || samples < SAMPLES => format!("refining {samples} of {SAMPLES}"),
+            _ => format!("{} points", panel::short(status.points_decoded)),
+        }
+    }
+
+    /// Makes the scene and the colours what the settings say.
+    fn apply_settings(&mut self) -> anyhow::Result<()> {
+        let visibility = self.settings.visibility;
+        if self.data.scene().visibility() != visibility {
+            let shown: Vec<_> = (0..=255u8).filter(|&c| visibility.classes.shows(c)).collect();
+            self.log(format_args!("classes shown {} bridge {}", shown.len(), visibility.bridge));
+            self.data.scene_mut().show(visibility)?;
+        }
+        let color = self.settings.color;
+        let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == color);
+        if !is_current && let Some(about) = self.data.about() {
+            self.colors = Some((color, ColorTable::new(color, &about.summary, None, None)?));
+            self.log(format_args!("color {}", color.name()));
+        }
+        Ok(())
+    }
+
+    /// Starts a picture where one is wanted; whether there is something left to trace.
+    fn plan(&mut self, is_changed: bool) -> anyhow::Result<bool> {
+        let size = self.place.size;
+        if self.data.about().is_none() || !self.is_framed || size.contains(&0) {
+            return Ok(false);
+        }
+        check_size(&self.gpu, size)?;
+        if self.renderer.is_none() {
+            let (grid, anchor) = self.data.grid();
+            self.renderer = Some(Renderer::new(self.data.scene(), grid, anchor)?);
+            self.wanted = None;
+        }
+        let wanted = Wanted { camera: self.camera, settings: self.settings.clone(), size };
+        let coarse = self.pace.coarse(size);
+        if is_changed || self.wanted.as_ref() != Some(&wanted) {
+            self.wanted = Some(wanted);
+            self.is_coarse = coarse != size;
+            self.screen.start(coarse);
+        } else if self.is_coarse && self.screen.samples() > 0 {
+            self.is_coarse = false;
+            self.screen.start(size);
+        }
+        Ok(self.is_coarse || self.screen.samples() < SAMPLES)
+    }
+
+    /// Records and submits the frame, and shows it; `false` where the window gives no image.
+    fn submit(
+        &mut self,
+        (pixels_per_point, primitives): (f32, &[egui::ClippedPrimitive]),
+    ) -> anyhow::Result<bool> {
+        let size = self.screen.size().unwrap_or(self.place.size);
+        let view = traced(&self.data, &self.settings, &self.camera, self.colors.as_ref(), size);
+        // A coarse picture is one sample in the middle of each pixel.
+        let view = view.map(|view| if self.is_coarse { View { samples: 1, ..view } } else { view });
+        let table = self.renderer.as_ref().map(|renderer| self.data.table(renderer)).unwrap_or_default();
+        let scene = self.data.scene_mut();
+        if let Some(view) = &view {
+            self.screen.prepare(scene, view)?;
+        }
+        let (mut commands, slot) = scene.order.begin_frame("window")?;
+        let Some(image) = self.swapchain.acquire(slot)? else { return Ok(false) };
+        if let (Some(view), Some(renderer)) = (&view, &mut self.renderer) {
+            let before = self.screen.samples();
+            let rows = if self.is_coarse { size[1] } else { self.pace.rows(size[0]) };
+            self.screen.record(renderer, scene, (&mut commands, slot), view, &table, rows)?;
+            self.version += u64::from(self.screen.samples() != before && before == 0);
+            let scale = self.place.size.map(|n| f64::from(n.max(1)));
+            let at = self.input.cursor().map(|c| [c[0] / scale[0], c[1] / scale[1]]);
+            let is_inside = |at: &[f64; 2]| at.iter().all(|v| (0.0..1.0).contains(v));
+            if let Some(cursor) = at.filter(is_inside) {
+                let question = Question { cursor, version: self.version };
+                if self.asked != Some(question)
+                    && self.screen.ask(renderer, scene, (&mut commands, slot), cursor)?
+                {
+                    self.asked = Some(question);
+                    self.answers_due = true;
+                }
+            } else {
+                self.pick = None;
+            }
+        }
+        let corner = self.place.rect.min * pixels_per_point;
+        let [left, top] = [corner.x, corner.y].map(|v| v.round().max(0.0) as u32);
+        let [width, height] = self.place.size;
+        let picture = self.screen.picture([left, top, width, height]);
+        let overlay = &mut self.overlay;
+        scene.order.draw(&mut commands, &image, |commands| {
+            overlay.paint(commands, slot, &image, picture, (pixels_per_point, primitives))
+        })?;
+        let point = scene.order.submit(commands)?;
+        scene.drawn(point);
+        self.screen.submitted(slot, point);
+        self.window.pre_present_notify();
+        self.swapchain.present(image)?;
+        Ok(true)
+    }
+
+    fn note_times(&mut self, begun: Instant, upload_ms: f64, goes_on: bool) {
+        if let Some(last) = self.last_frame {
+            let ms = (begun - last).as_secs_f64() * 1e3;
+            self.times.frame.push(ms);
+            self.times.upload.push(upload_ms);
+            self.statistics.frames.push(ms);
+        }
+        self.last_frame = goes_on.then_some(begun);
+        let since_start = self.started.elapsed().as_secs_f64() * 1e3;
+        if self.statistics.first_frame.is_none() {
+            self.statistics.first_frame = Some(since_start);
+            self.log(format_args!("first frame {since_start:.0} ms"));
+        }
+        let has_picture = self.screen.samples() > 0 && !self.data.scene().entries().is_empty();
+        if self.statistics.first_picture.is_none() && has_picture {
+            self.statistics.first_picture = Some(since_start);
+            self.log(format_args!("first picture {since_start:.0} ms"));
+        }
+    }
+}
+
+/// What is to be seen before anything else is: that it is being read.
+fn opening(painter: &egui::Painter, rect: Rect, status: &Status) {
+    let words = match (status.points, status.points_decoded) {
+        (0, _) => "Opening …".to_owned(),
+        (all, read) => format!("Reading {} of {} points", panel::short(read), panel::short(all)),
+    };
+    let share = if status.points == 0 { 0.0 } else { status.points_decoded as f32 / status.points as f32 };
+    let whole = Rect::from_center_size(rect.center(), egui::vec2(260.0, 54.0));
+    painter.rect_filled(whole, 6.0, Color32::from_black_alpha(190));
+    let line = Rect::from_center_size(rect.center() + egui::vec2(0.0, 12.0), egui::vec2(220.0, 4.0));
+    painter.rect_filled(line, 2.0, Color32::from_white_alpha(40));
+    painter.rect_filled(
+        line.with_max_x(line.left() + line.width() * share.min(1.0)),
+        2.0,
+        Color32::from_rgb(86, 156, 214),
+    );
+    let at = rect.center() - egui::vec2(0.0, 10.0);
+    painter.text(at, egui::Align2::CENTER_CENTER, words, FontId::proportional(14.0), Color32::WHITE);
+}

@@ -1,0 +1,342 @@
+//! The window, driven as by a user: a display of its own (Xvfb), mouse and keys by xdotool, under validation.
+#![cfg(all(feature = "view", target_os = "linux"))]
+
+mod common;
+
+use common::LAVAPIPE;
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Longer than anything takes in a debug build on a busy machine.
+const PATIENCE: Duration = Duration::from_secs(40);
+
+/// A display without a screen. Gone when dropped.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    /// `None`, and why is said, where the programs are not there.
+    fn open(test: &str) -> Option<Display> {
+        for program in ["Xvfb", "xdotool"] {
+            let there = std::env::split_paths(&std::env::var_os("PATH")?).any(|p| p.join(program).is_file());
+            if !there {
+                println!("{test}: {program} is not installed: skipped");
+                return None;
+            }
+        }
+        let arguments = ["-displayfd", "1", "-screen", "0", "1280x900x24", "-nolisten", "tcp"];
+        let mut server = Command::new("Xvfb")
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut number = String::new();
+        BufReader::new(server.stdout.as_mut().unwrap()).read_line(&mut number).unwrap();
+        assert!(!number.trim().is_empty(), "Xvfb did not start");
+        Some(Display { server, name: format!(":{}", number.trim()) })
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// A running window.
+struct Window<'a> {
+    display: &'a Display,
+    program: Child,
+    id: String,
+    lines: Receiver<String>,
+    said: Option<JoinHandle<String>>,
+}
+
+impl<'a> Window<'a> {
+    fn open(display: &'a Display, folder: &Path, arguments: &[&str]) -> Window<'a> {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_lasray"))
+            .args(["view", "--validate", "--log-events"])
+            .args(arguments)
+            .current_dir(folder)
+            .env("DISPLAY", &display.name)
+            .env_remove("WAYLAND_DISPLAY")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let (send, lines) = channel();
+        let printed = BufReader::new(program.stdout.take().unwrap());
+        std::thread::spawn(move || {
+            for line in printed.lines().map_while(Result::ok) {
+                if send.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        let mut errors = program.stderr.take().unwrap();
+        let said = std::thread::spawn(move || {
+            let mut text = String::new();
+            let _ = errors.read_to_string(&mut text);
+            text
+        });
+        Window { display, program, id: String::new(), lines, said: Some(said) }
+    }
+
+    /// The first line from now on that starts so; what follows, word by word.
+    fn wait(&self, start: &str) -> Vec<String> {
+        let end = Instant::now() + PATIENCE;
+        let mut seen = Vec::new();
+        loop {
+            let left = end.saturating_duration_since(Instant::now());
+            let Ok(line) = self.lines.recv_timeout(left) else {
+                panic!("no line '{start} …' but {seen:#?}");
+            };
+            if let Some(rest) = line.strip_prefix(start) {
+                return rest.split_whitespace().map(str::to_owned).collect();
+            }
+            seen.push(line);
+        }
+    }
+
+    /// Forgets the lines so far.
+    fn skip(&self) {
+        while self.lines.try_recv().is_ok() {}
+    }
+
+    fn xdotool(&self, words: &[&str]) -> String {
+        let run = Command::new("xdotool").args(words).env("DISPLAY", &self.display.name).output().unwrap();
+        String::from_utf8(run.stdout).unwrap().trim().to_owned()
+    }
+
+    /// Finds the window and gives it the keys: there is no window manager that would.
+    fn focus(&mut self) {
+        let end = Instant::now() + PATIENCE;
+        while self.id.is_empty() {
+            assert!(Instant::now() < end, "there is no window");
+            let found = self.xdotool(&["search", "--onlyvisible", "--name", "lasray"]);
+            self.id = found.lines().last().unwrap_or_default().to_owned();
+        }
+        self.xdotool(&["windowfocus", "--sync", &self.id]);
+    }
+
+    fn key(&self, key: &str) {
+        self.skip();
+        self.xdotool(&["key", key]);
+    }
+
+    /// Ends it as Ctrl-C in the terminal does; its exit code, and that nothing was said by the validation layer.
+    fn end(mut self) -> Option<i32> {
+        self.interrupt();
+        self.ended()
+    }
+
+    fn interrupt(&self) {
+        // The shell's own: a small system has no program for it.
+        let kill = format!("kill -INT {}", self.program.id());
+        assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    }
+
+    fn ended(&mut self) -> Option<i32> {
+        let end = Instant::now() + PATIENCE;
+        let status = loop {
+            if let Some(status) = self.program.try_wait().unwrap() {
+                break status;
+            }
+            assert!(Instant::now() < end, "the window does not close");
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        let said = self.said.take().unwrap().join().unwrap();
+        assert_eq!(said, "", "standard error");
+        status.code()
+    }
+}
+
+impl Drop for Window<'_> {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+/// A small town, in a folder of its own.
+fn town() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("a town.las");
+    let run = Command::new(env!("CARGO_BIN_EXE_lasray"))
+        .args(["synth", file.to_str().unwrap(), "--points", "200k"])
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    (folder, file)
+}
+
+/// Eye and angles of a line `settled WxH eye E,N,U look AZ,EL`.
+fn view(words: &[String]) -> ([f64; 3], [f64; 2]) {
+    let numbers = |word: &str| word.split(',').map(|v| v.parse().unwrap()).collect::<Vec<f64>>();
+    (numbers(&words[2]).try_into().unwrap(), numbers(&words[4]).try_into().unwrap())
+}
+
+#[test]
+fn a_user_looks_around() {
+    common::run("a_user_looks_around", LAVAPIPE, |_| {
+        let Some(display) = Display::open("a_user_looks_around") else { return };
+        let (folder, file) = town();
+        let mut window =
+            Window::open(&display, folder.path(), &["--size", "900x640", file.to_str().unwrap()]);
+        window.wait("first frame");
+        window.focus();
+        let first = window.wait("settled");
+        let (eye, [azimuth, elevation]) = view(&first);
+
+        // What lies under the cursor is told.
+        window.skip();
+        window.xdotool(&["mousemove", "600", "330"]);
+        let pick = window.wait("pick");
+        assert!((500_000.0..520_000.0).contains(&pick[0].parse::<f64>().unwrap()), "{pick:?}");
+
+        // To the right and down: the world turns so, the eye rises.
+        window.skip();
+        window.xdotool(&["mousedown", "1"]);
+        for _ in 0..8 {
+            window.xdotool(&["mousemove_relative", "--", "6", "4"]);
+        }
+        window.xdotool(&["mouseup", "1"]);
+        let orbited = window.wait("settled");
+        let (orbit_eye, [orbit_azimuth, orbit_elevation]) = view(&orbited);
+        assert!(orbit_azimuth > azimuth + 1.0 && orbit_elevation > elevation + 1.0, "{first:?} {orbited:?}");
+        assert_ne!(orbit_eye, eye);
+
+        window.skip();
+        for _ in 0..5 {
+            window.xdotool(&["click", "4"]);
+        }
+        let (zoom_eye, zoom_angles) = view(&window.wait("settled"));
+        assert!(zoom_eye[2] < orbit_eye[2] - 1.0, "nearer to the ground: {orbit_eye:?} {zoom_eye:?}");
+        assert_eq!(zoom_angles, [orbit_azimuth, orbit_elevation]);
+
+        // Back before the zoom, and before the turn.
+        window.key("BackSpace");
+        assert_eq!(view(&window.wait("settled")).0, orbit_eye);
+        window.key("1");
+        assert_eq!(view(&window.wait("settled")).1, [0.0, 90.0]);
+
+        // The check of the second class of the list.
+        window.skip();
+        window.xdotool(&["mousemove", "22", "124", "click", "1"]);
+        assert_eq!(window.wait("classes shown")[0], "253");
+        let colors: BTreeSet<_> = (0..5)
+            .map(|_| {
+                window.key("c");
+                window.wait("color")[0].clone()
+            })
+            .collect();
+        assert_eq!(colors.len(), 5, "{colors:?}");
+
+        window.key("ctrl+c");
+        let command = window.wait("command").join(" ");
+        assert!(command.contains("a town.las'") && command.contains("--hide="), "{command}");
+        window.key("ctrl+s");
+        window.wait("notice View saved");
+        assert!(folder.path().join("lasray-view-0001.json").is_file());
+
+        window.key("p");
+        window.wait("saved");
+        let picture = fs::File::open(folder.path().join("lasray-0001.png")).unwrap();
+        let mut reader = png::Decoder::new(BufReader::new(picture)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert!(pixels.iter().collect::<BTreeSet<_>>().len() > 50, "the picture is uniform");
+
+        window.skip();
+        window.xdotool(&["windowsize", &window.id, "700", "500"]);
+        let [width, height] =
+            window.wait("settled")[0].split('x').map(|v| v.parse().unwrap()).collect::<Vec<u32>>()[..]
+        else {
+            panic!("a size")
+        };
+        assert!(width < 500 && height < 500, "{width}x{height}");
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn a_window_that_changes_all_the_time_goes_on() {
+    common::run("a_window_that_changes_all_the_time_goes_on", LAVAPIPE, |_| {
+        let Some(display) = Display::open("a_window_that_changes_all_the_time_goes_on") else { return };
+        let (folder, file) = town();
+        let mut window =
+            Window::open(&display, folder.path(), &["--size", "640x480", file.to_str().unwrap()]);
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        for k in 0..100 {
+            let (width, height) = (500 + k * 37 % 400, 340 + k * 53 % 300);
+            window.xdotool(&["windowsize", &window.id, &width.to_string(), &height.to_string()]);
+        }
+        window.skip();
+        window.xdotool(&["windowsize", &window.id, "777", "555"]);
+        // Once more through all of it: the last size is drawn.
+        while window.wait("settled")[0] != "481x529" {}
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn a_path_is_flown_and_its_frames_are_told() {
+    common::run("a_path_is_flown_and_its_frames_are_told", LAVAPIPE, |_| {
+        let Some(display) = Display::open("a_path_is_flown_and_its_frames_are_told") else { return };
+        let (folder, file) = town();
+        let path = folder.path().join("path.json");
+        let keyframes = r#"[{"time": 0, "eye": [512000, 5402500, 500], "target": [512000, 5402900, 200]},
+            {"time": 1, "eye": [512200, 5402600, 400], "target": [512000, 5402900, 200]}]"#;
+        fs::write(&path, format!(r#"{{"version": 1, "keyframes": {keyframes}}}"#)).unwrap();
+        let json = folder.path().join("times.json");
+        let (path, json) = (path.to_str().unwrap(), json.to_str().unwrap());
+        let arguments = [
+            "--size",
+            "640x480",
+            "--path",
+            path,
+            "--frames",
+            "20",
+            "--quit",
+            "--json",
+            json,
+            file.to_str().unwrap(),
+        ];
+        let mut window = Window::open(&display, folder.path(), &arguments);
+        assert_eq!(window.ended(), Some(0));
+        let report: serde_json::Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
+        assert!(report["frames"].as_u64().unwrap() >= 19, "{report}");
+        assert_eq!(report["waited_for_section"], 0, "{report}");
+        assert!(report["median_ms"].as_f64().unwrap() > 0.0, "{report}");
+    });
+}
+
+#[test]
+fn without_anything_to_see_the_window_says_why() {
+    common::run("without_anything_to_see_the_window_says_why", LAVAPIPE, |_| {
+        let Some(display) = Display::open("without_anything_to_see_the_window_says_why") else { return };
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("broken.las"), b"not LAS").unwrap();
+        let mut window = Window::open(&display, folder.path(), &["broken.las"]);
+        window.wait("first frame");
+        window.wait("failed");
+        window.interrupt();
+        let status = window.program.wait().unwrap();
+        let said = window.said.take().unwrap().join().unwrap();
+        assert_eq!(status.code(), Some(1), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.starts_with("lasray: nothing to draw"), "{said}");
+    });
+}
