@@ -91,6 +91,8 @@ pub struct Tick {
 pub struct Status {
     /// Points of all files that are shown.
     pub points: u64,
+    /// Points that are read.
+    pub points_read: u64,
     /// Points that are decoded and binned.
     pub points_decoded: u64,
     /// Sections that are to be drawn; 0 while that is not known.
@@ -253,7 +255,7 @@ impl Data {
         self.quiet = if uploaded || entries != self.entries { 0 } else { self.quiet.saturating_add(1) };
         tick.is_busy = self.quiet < SETTLED || !loading.is_empty();
         self.entries = entries;
-        self.status.device_bytes[0] = gpu.allocated_bytes();
+        self.status.device_bytes[0] = self.scene().pool().held_bytes();
         Ok(tick)
     }
 
@@ -337,8 +339,11 @@ impl Data {
     pub fn status(&self) -> Status {
         let progress = &self.loading.progress;
         let clocks = &progress.clocks;
+        let points = progress.points.load(Ordering::Relaxed);
         Status {
-            points_decoded: progress.points.load(Ordering::Relaxed),
+            // A chunk is decoded right after it is read.
+            points_read: points,
+            points_decoded: points,
             stages: [&clocks.read, &clocks.decode, &clocks.prepare].map(|c| c.load(Ordering::Relaxed)),
             ..self.status.clone()
         }
