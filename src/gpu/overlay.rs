@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use ash::vk;
 use bytemuck::{Pod, Zeroable};
-use egui::epaint::{ClippedPrimitive, ImageData, Primitive, Vertex};
-use egui::{TextureFilter, TextureId, TexturesDelta};
+use egui::epaint::{ClippedPrimitive, ImageData, ImageDelta, Primitive, Vertex};
+use egui::{TextureFilter, TextureId};
 
 use super::{Acquired, Buffer, Commands, Gpu, GpuError, MemoryKind, Result, Swapchain, shaders};
 
@@ -77,13 +77,16 @@ impl Overlay {
 
     /// Takes what the toolkit changed of its textures. A changed one gets a new buffer: frames in flight read the
     /// old one, and changes are rare and small.
-    pub fn change_textures(&mut self, delta: &TexturesDelta) -> Result<()> {
-        for (id, changes) in &delta.set {
+    pub fn change_textures<Changes: IntoIterator<Item = ImageDelta>>(
+        &mut self,
+        set: impl IntoIterator<Item = (TextureId, Changes)>,
+    ) -> Result<()> {
+        for (id, changes) in set {
             for change in changes {
                 let ImageData::Color(image) = &change.image;
                 let is_smooth = change.options.magnification == TextureFilter::Linear;
                 let new = || image.pixels.iter().map(|c| c.to_array());
-                let (size, pixels) = match (change.pos, self.textures.remove(id)) {
+                let (size, pixels) = match (change.pos, self.textures.remove(&id)) {
                     (Some([left, top]), Some(mut old)) => {
                         let mut new = new();
                         for row in top..top + image.size[1] {
@@ -99,15 +102,15 @@ impl Overlay {
                 let bytes: &[u8] = bytemuck::cast_slice(&pixels);
                 let buffer = Buffer::new(&self.gpu, "texture", MemoryKind::Upload, bytes.len() as u64)?;
                 buffer.write(0, bytes);
-                self.textures.insert(*id, Texture { size, pixels, is_smooth, buffer });
+                self.textures.insert(id, Texture { size, pixels, is_smooth, buffer });
             }
         }
         Ok(())
     }
 
     /// Forgets textures once they are drawn for the last time.
-    pub fn free_textures(&mut self, delta: &TexturesDelta) {
-        delta.free.iter().for_each(|id| drop(self.textures.remove(id)));
+    pub fn free_textures(&mut self, free: impl IntoIterator<Item = TextureId>) {
+        free.into_iter().for_each(|id| drop(self.textures.remove(&id)));
     }
 
     /// Draws inside [`super::Order::draw`], in frame `slot`.

@@ -693,7 +693,6 @@ impl Renderer {
     }
 
     /// Records the passes of a band in frame `slot`, for which the scene carries what `view` shows (see [`carry`]).
-    #[expect(clippy::too_many_arguments)] // a frame is made of that much
     pub(super) fn record(
         &mut self,
         scene: &mut Scene,

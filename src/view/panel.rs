@@ -509,7 +509,10 @@ fn classes(ui: &mut Ui, visibility: &mut Visibility, shown: &Shown) {
             let changed = ui.add(Checkbox::without_text(&mut is_shown)).changed();
             swatch(ui, class_color(class));
             let name = RichText::new(class_name(class)).color(if is_shown { TEXT } else { WEAK });
-            ui.label(weak(class.to_string()));
+            // Numbers of one to three digits, names in line.
+            let (number, _) = ui.allocate_exact_size(vec2(20.0, LINE), Sense::hover());
+            let font = FontId::proportional(13.0);
+            ui.painter().text(number.right_center(), Align2::RIGHT_CENTER, class, font, WEAK);
             let label = ui.add(egui::Label::new(name).sense(Sense::click()).selectable(false));
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 let count = counts[usize::from(class)];
@@ -567,8 +570,10 @@ fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
 
 fn data(ui: &mut Ui, shown: &Shown) {
     let status = shown.status;
-    let [points, decoded] = [status.points, status.points_decoded];
-    bar(ui, "points decoded", [decoded, points], format!("{} of {}", short(decoded), short(points)));
+    for (name, points) in [("points read", status.points_read), ("points decoded", status.points_decoded)] {
+        let words = format!("{} of {}", short(points), short(status.points));
+        bar(ui, name, [points, status.points], words);
+    }
     let [wanted, resident] = [status.sections_wanted, status.sections_resident];
     bar(ui, "sections resident", [resident, wanted], format!("{resident} of {wanted}"));
     for (name, [held, budget]) in [("host memory", status.host_bytes), ("device memory", status.device_bytes)]

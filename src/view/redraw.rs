@@ -80,9 +80,11 @@ impl Viewer {
         self.fly();
         let is_playing = self.play(options)?;
 
-        let output = self.lay_out()?;
+        let mut output = self.lay_out()?;
         let pixels_per_point = output.pixels_per_point;
-        self.overlay.change_textures(&output.textures_delta)?;
+        let textures = &mut output.textures_delta;
+        let (set, free) = (std::mem::take(&mut textures.set), std::mem::take(&mut textures.free));
+        self.overlay.change_textures(set)?;
         let primitives = self.context.tessellate(output.shapes, pixels_per_point);
         if !self.is_framed && self.data.about().is_some() && !self.place.size.contains(&0) {
             self.first_view(options)?;
@@ -91,7 +93,7 @@ impl Viewer {
 
         let has_more = self.plan(tick.changed)?;
         let submitted = self.submit((pixels_per_point, &primitives))?;
-        self.overlay.free_textures(&output.textures_delta);
+        self.overlay.free_textures(free);
         if !submitted {
             // Minimised, or in the middle of a change.
             self.next = Some(begun + LATER);
