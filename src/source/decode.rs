@@ -109,6 +109,36 @@ impl Decoder {
         Ok(&self.block)
     }
 
+    /// `of_chunk` records at an even stride of every chunk of an uncompressed file, in blocks, in file order. A block's
+    /// `first_record` means nothing.
+    pub fn sparse_records(
+        &mut self,
+        file: &LidarFile,
+        of_chunk: u64,
+        sink: &mut dyn FnMut(&PointBlock),
+    ) -> Result<(), SourceError> {
+        let layout = RecordLayout::of(&file.header);
+        let handle = file.bytes.handle()?;
+        let head = layout.head();
+        self.block.first_record = 0;
+        for chunks in file.chunks.chunks((BLOCK_RECORDS / of_chunk.max(1) as usize).max(1)) {
+            self.raw.clear();
+            for chunk in chunks {
+                let wanted = of_chunk.min(chunk.records);
+                for k in 0..wanted {
+                    let at = self.raw.len();
+                    self.raw.resize(at + head.len, 0);
+                    let record = chunk.records * k / wanted;
+                    let offset = chunk.byte_offset + record * layout.len as u64;
+                    handle.read_exact_at(&mut self.raw[at..], offset)?;
+                }
+            }
+            head.extract(&self.raw, &mut self.block);
+            sink(&self.block);
+        }
+        Ok(())
+    }
+
     fn decode_las(
         &mut self,
         file: &LidarFile,

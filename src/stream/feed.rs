@@ -327,13 +327,9 @@ fn sparse(
         };
         binner.bin_into(grid, core, input, block, &section);
     };
-    bin(decoder.first_points(file, most)?);
-    let of_chunk = sparse_of_chunk(file, most);
-    for chunk in file.chunks.iter().filter(|_| of_chunk > 1) {
-        for k in 1..of_chunk.min(chunk.records) {
-            let record = chunk.records * k / of_chunk;
-            decoder.decode(file, chunk, record..record + 1, &mut bin)?;
-        }
+    match sparse_of_chunk(file, most) {
+        1 => bin(decoder.first_points(file, most)?),
+        of_chunk => decoder.sparse_records(file, of_chunk, &mut bin)?,
     }
     Ok(())
 }

@@ -570,10 +570,8 @@ fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
 
 fn data(ui: &mut Ui, shown: &Shown) {
     let status = shown.status;
-    for (name, points) in [("points read", status.points_read), ("points decoded", status.points_decoded)] {
-        let words = format!("{} of {}", short(points), short(status.points));
-        bar(ui, name, [points, status.points], words);
-    }
+    let (read, all) = (status.points_decoded, status.points);
+    bar(ui, "points read", [read, all], format!("{} of {}", short(read), short(all)));
     let [wanted, resident] = [status.sections_wanted, status.sections_resident];
     bar(ui, "sections resident", [resident, wanted], format!("{resident} of {wanted}"));
     for (name, [held, budget]) in [("host memory", status.host_bytes), ("device memory", status.device_bytes)]
