@@ -23,6 +23,8 @@ use std::time::{Duration, Instant};
 
 /// Time that one frame may spend on uploads.
 const SLICE: Duration = Duration::from_millis(4);
+/// A tick that takes longer has waited for the device.
+const WAITED: Duration = Duration::from_millis(30);
 /// Ticks after which what was uploaded is sure to be built: a frame waits for the one before the last.
 const SETTLED: u32 = 6;
 /// Sections that are packed and wait for the device.
@@ -109,6 +111,8 @@ pub struct Status {
     pub messages: Vec<String>,
     /// Nanoseconds of all workers so far: read, decode, prepare.
     pub stages: [u64; 3],
+    /// Frames that stood still while sections were handed to the device.
+    pub frames_waited: u64,
     /// Whether everything that is to be read has been.
     pub is_complete: bool,
     /// Why there is nothing to see.
@@ -193,7 +197,8 @@ impl Data {
     /// Takes what has arrived, once a frame; the camera and the picture's size say what is wanted.
     pub fn tick(&mut self, gpu: &Gpu, _camera: &Camera, _size: [u32; 2]) -> anyhow::Result<Tick> {
         let mut tick = Tick::default();
-        let until = Instant::now() + SLICE;
+        let begun = Instant::now();
+        let until = begun + SLICE;
         let loading = self.loading.news.clone();
         let mut uploaded = false;
         while Instant::now() < until {
@@ -255,6 +260,7 @@ impl Data {
         self.quiet = if uploaded || entries != self.entries { 0 } else { self.quiet.saturating_add(1) };
         tick.is_busy = self.quiet < SETTLED || !loading.is_empty();
         self.entries = entries;
+        self.status.frames_waited += u64::from(begun.elapsed() > WAITED);
         self.status.device_bytes[0] = self.scene().pool().held_bytes();
         Ok(tick)
     }
