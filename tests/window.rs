@@ -318,7 +318,8 @@ fn a_path_is_flown_and_its_frames_are_told() {
         assert_eq!(window.ended(), Some(0));
         let report: serde_json::Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
         assert!(report["frames"].as_u64().unwrap() >= 19, "{report}");
-        assert_eq!(report["waited_for_section"], 0, "{report}");
+        // Reading is over long before the path is on a quick machine; on any, few frames are in its way.
+        assert!(report["waited_for_section"].as_u64().unwrap() < 10, "{report}");
         assert!(report["median_ms"].as_f64().unwrap() > 0.0, "{report}");
     });
 }

@@ -62,6 +62,8 @@ pub struct Counters {
     pub sections: u64,
     /// Sections whose derived part was built or built again.
     pub builds: u64,
+    /// Times that an upload waited for the device.
+    pub waits: u64,
 }
 
 /// What came of [`Scene::try_upload`].
@@ -348,6 +350,7 @@ impl Scene {
                 return Ok(Some(slots));
             }
             let Some(last_use) = self.freed.first().and_then(|f| f.uses.last()) else { return Ok(None) };
+            self.counters.waits += 1;
             self.order.wait(*last_use)?;
         }
     }
@@ -359,6 +362,7 @@ impl Scene {
                 return Ok(from);
             }
             self.flush()?;
+            self.counters.waits += 1;
             let oldest = self.ring.oldest().expect("a piece fits an empty ring");
             self.order.wait(oldest)?;
         }

@@ -100,6 +100,8 @@ pub struct Status {
     pub messages: Vec<String>,
     /// Bytes of chunks that were read.
     pub bytes_read: u64,
+    /// Times that a frame waited for the device to take a section.
+    pub frames_waited: u64,
     /// Whether everything that is to be read has been.
     pub is_complete: bool,
     /// Why there is nothing to see.
@@ -367,6 +369,7 @@ impl Data {
                 .then(|| format!("cells cover up to {:.1} pixels, for lack of device memory", now.coarser)),
             messages: self.messages.clone(),
             bytes_read: progress.bytes_read,
+            frames_waited: self.scene().counters().waits,
             is_complete: self.is_complete || self.failed.is_some(),
             failed: self.failed.clone(),
         }

@@ -105,7 +105,8 @@ pub fn run(options: Options) -> anyhow::Result<()> {
     }
     let Some(viewer) = viewer else { return Ok(()) };
     if let Some(path) = &options.json {
-        viewer.statistics.write(path).with_context(|| path.display().to_string())?;
+        let waited = viewer.data.status().frames_waited;
+        viewer.statistics.write(waited, path).with_context(|| path.display().to_string())?;
     }
     let (gpu, failed) = (viewer.gpu.clone(), viewer.data.status().failed);
     drop(viewer);

@@ -471,13 +471,16 @@ impl Panel {
             self.close();
         }
         if self.has_keys {
+            let room = context.content_rect().height() - 90.0;
             boxed("Keys").show(context, |ui| {
-                egui::Grid::new("keys").spacing(vec2(24.0, 4.0)).show(ui, |ui| {
-                    for (keys, what) in KEYS {
-                        ui.label(RichText::new(keys).strong());
-                        ui.label(what);
-                        ui.end_row();
-                    }
+                ScrollArea::vertical().max_height(room).show(ui, |ui| {
+                    egui::Grid::new("keys").spacing(vec2(24.0, 4.0)).show(ui, |ui| {
+                        for (keys, what) in KEYS {
+                            ui.label(RichText::new(keys).strong());
+                            ui.label(what);
+                            ui.end_row();
+                        }
+                    });
                 });
             });
         }

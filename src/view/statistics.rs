@@ -15,8 +15,8 @@ struct Report {
     median_ms: Option<f64>,
     p95_ms: Option<f64>,
     max_ms: Option<f64>,
-    /// Frames that stood still until a section had come: no frame waits for one.
-    waited_for_section: usize,
+    /// Frames that stood still for the sake of a section.
+    waited_for_section: u64,
 }
 
 /// Collects them.
@@ -31,8 +31,8 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Writes JSON.
-    pub fn write(&self, path: &Path) -> anyhow::Result<()> {
+    /// Writes JSON; `waited`: frames that stood still for the sake of a section.
+    pub fn write(&self, waited: u64, path: &Path) -> anyhow::Result<()> {
         let mut sorted = self.frames.clone();
         sorted.sort_unstable_by(f64::total_cmp);
         let at = |share: f64| {
@@ -46,7 +46,7 @@ impl Statistics {
             median_ms: at(0.5),
             p95_ms: at(0.95),
             max_ms: at(1.0),
-            waited_for_section: 0,
+            waited_for_section: waited,
         };
         crate::render::whole_file::write_whole(path, |out| {
             serde_json::to_writer_pretty(out, &report).map_err(std::io::Error::from)
