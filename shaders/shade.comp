@@ -124,8 +124,9 @@ void main() {
         int detail = int(meta >> 16u), level = int(meta & 0xFFFFu);
         uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
         uint face = hit.z >> 16u & 7u;
-        Here here = Here(index_of(hit.y), hit.y, level, detail, 0);
         ivec2 column = (index_of(hit.y) >> detail + int(SECTION_LOG2) - level) * int(SECTION_SIDE) + ivec2(inner);
+        // A column larger than its node is alone.
+        Here here = Here(level > detail ? index_of(hit.y) : column, hit.y, max(level, detail), detail, 0);
 
         uint shows = shown_at(hit.y, inner);
         float top = float(int(hit.w));

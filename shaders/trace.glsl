@@ -123,8 +123,8 @@ Hit trace(Ray ray, float start, int level) {
         }
         if (done) break;
 
-        // A node of a section that reaches farther ends where the node does.
-        int ceiling = level, finest = detail_of(hit.slot);
+        // A node of a section that reaches farther ends where the node does, and may be smaller than its cells.
+        int ceiling = level, detail = detail_of(hit.slot), finest = min(detail, level - 1);
         if (first < ceiling) {
             level = max(first, finest);
             node = cell >> level;
@@ -147,8 +147,8 @@ Hit trace(Ray ray, float start, int level) {
             vec2 ts = t_at(walk, node + 1 << level);
             east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
             t_exit = max(east ? ts.x : ts.y, t);
-            uint l = uint(level - finest), side = SECTION_SIDE >> l;
-            uvec2 inner = uvec2(node ^ flip) & (side - 1u);
+            uint l = uint(max(level - detail, 0)), side = SECTION_SIDE >> l;
+            uvec2 inner = uvec2((node ^ flip) >> max(detail - level, 0)) & (side - 1u);
             uint code = pyramid_code(pyramid, l, inner, wide);
             int highest = base + int(code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
@@ -193,7 +193,7 @@ Hit trace(Ray ray, float start, int level) {
                 t = clamp((float(top - ray.cell.z) - ray.fraction.z) / walk.dz, t, t_end);
             }
             if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
-            return Hit(t, hit.slot, uvec2(node ^ flip) & (SECTION_SIDE - 1u), face, top, hit.steps);
+            return Hit(t, hit.slot, uvec2((node ^ flip) >> detail - finest) & (SECTION_SIDE - 1u), face, top, hit.steps);
         }
         // Out of the section, to where the next one may begin.
         int crossed = face == FACE_WEST ? node.x : node.y;

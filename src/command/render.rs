@@ -544,12 +544,11 @@ impl Data {
         options: &LoadOptions,
         problems: &mut Problems,
     ) -> Result<Data, LoadError> {
-        match args.detail {
-            // Exact pictures are made of the finest cells, all of them.
-            None if is_exact(args) && args.wait == Wait::Complete => {
-                load::paths(files, options, problems).map(Data::Whole)
-            }
-            _ => load::open(files, options, problems).map(Data::Live),
+        // Exact pictures are made of the finest cells, all of them; the plain traversal knows no others.
+        let whole = args.plain || args.detail.is_none() && is_exact(args) && args.wait == Wait::Complete;
+        match whole {
+            true => load::paths(files, options, problems).map(Data::Whole),
+            false => load::open(files, options, problems).map(Data::Live),
         }
     }
 }
@@ -672,7 +671,9 @@ fn draw(
                 check_size(scene.gpu(), size).map_err(usage)?;
                 let sight = sight(camera, size, [args.z_scale, pivot], seen_down_to, detail)
                     .map_err(|error| usage(error.into()))?;
+                live.pause(false);
                 let now = fill(live, &mut scene, &sight, args)?;
+                live.pause(true);
                 live.take_errors().iter().for_each(|error| problems.error(error));
                 if now.coarser > 1.0 && status.is_none_or(|before: Status| before.coarser < now.coarser) {
                     problems.warn(format!(

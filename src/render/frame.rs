@@ -407,7 +407,8 @@ pub struct Renderer {
     wide_beams: ComputePipeline,
     beams: ComputePipeline,
     trace: ComputePipeline,
-    plain: ComputePipeline,
+    /// Made when first used.
+    plain: Option<ComputePipeline>,
     shade: ComputePipeline,
     /// Trace and exact colours in one; made when first used.
     exact: HashMap<Exact, ComputePipeline>,
@@ -509,7 +510,7 @@ impl Renderer {
             wide_beams: beams("wide beams", WIDE_TILE, 0)?,
             beams: beams("beams", TILE, WIDE_TILE)?,
             trace: pass("trace", &TRACE, GROUP, &[])?,
-            plain: pass("plain", &PLAIN, GROUP, &[])?,
+            plain: None,
             shade: pass("shade", &SHADE, GROUP, &[])?,
             exact: HashMap::new(),
             access,
@@ -599,6 +600,14 @@ impl Renderer {
         let program = EXACT.program(gpu, "exact", self.access, &constants)?;
         self.exact.insert(exact, program.clone());
         Ok(program)
+    }
+
+    fn plain(&mut self, gpu: &Gpu) -> Result<ComputePipeline, GpuError> {
+        if self.plain.is_none() {
+            let constants = [(0, GROUP[0]), (1, GROUP[1])];
+            self.plain = Some(PLAIN.program(gpu, "plain", self.access, &constants)?);
+        }
+        Ok(self.plain.clone().expect("just made"))
     }
 
     /// Side of a finest cell, CRS units.
@@ -748,8 +757,8 @@ impl Renderer {
                 passes.push(("trace", self.exact(&gpu, exact)?, pixels));
             }
             (traversal, _) => {
-                let trace = if traversal == Traversal::Fast { &self.trace } else { &self.plain };
-                passes.push(("trace", trace.clone(), pixels));
+                let trace = if traversal == Traversal::Fast { self.trace.clone() } else { self.plain(&gpu)? };
+                passes.push(("trace", trace, pixels));
                 passes.push(("shade", self.shade.clone(), pixels));
             }
         }

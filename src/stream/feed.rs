@@ -50,6 +50,8 @@ struct Sample {
 }
 
 struct State {
+    /// Nothing more is begun.
+    paused: bool,
     builds: Builds,
     core: Arc<Core>,
     sample: Option<Sample>,
@@ -102,7 +104,7 @@ impl Feed {
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Feed {
         let inner = Arc::new(Inner {
-            state: Mutex::new(State { builds, core: Arc::new(core), sample: None }),
+            state: Mutex::new(State { paused: false, builds, core: Arc::new(core), sample: None }),
             work: Condvar::new(),
             stop: AtomicBool::new(false),
             grid,
@@ -139,6 +141,12 @@ impl Feed {
         let change = state.builds.change();
         state.sample = Some(Sample { level, of_file, left, busy: 0, sections: Arc::default(), change });
         drop(state);
+        self.inner.work.notify_all();
+    }
+
+    /// Begins nothing more, or goes on.
+    pub fn pause(&self, paused: bool) {
+        self.inner.lock().paused = paused;
         self.inner.work.notify_all();
     }
 
@@ -180,6 +188,10 @@ fn next(inner: &Inner) -> Option<Task> {
     loop {
         if inner.stop.load(Ordering::Relaxed) {
             return None;
+        }
+        if state.paused {
+            state = inner.work.wait(state).unwrap_or_else(PoisonError::into_inner);
+            continue;
         }
         let State { builds, sample, .. } = &mut *state;
         if let Some(sample) = sample

@@ -304,7 +304,7 @@ impl Live {
     }
 
     fn is_there(&self, scene: &Scene, key: SectionKey) -> bool {
-        self.empty.contains(&key) || scene.is_live(key) && !self.stale.contains(&key)
+        self.empty.contains(&key) || scene.is_live(key) && !scene.is_coming(key) && !self.stale.contains(&key)
     }
 
     fn missing<'a>(&'a self, scene: &'a Scene) -> impl Iterator<Item = SectionKey> + 'a {
@@ -438,9 +438,19 @@ impl Live {
         }
     }
 
+    /// Begins to read nothing more, or goes on: where one picture matters more than the next.
+    pub fn pause(&self, paused: bool) {
+        self.feed.pause(paused);
+    }
+
     /// Each place and the section that it shows.
     pub fn shown(&self) -> &[Shown] {
         &self.shown
+    }
+
+    /// Sections that are seen, most urgent first.
+    pub fn wanted(&self) -> &[SectionKey] {
+        &self.wanted
     }
 
     /// Whether the sparse sample has arrived.

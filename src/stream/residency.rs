@@ -9,10 +9,6 @@ use glam::DVec3;
 
 /// Coarsest detail level: the grid's anchor allows for no more.
 pub const MOST_LEVEL: u8 = 18;
-/// Levels that a section may be coarser than the place where it stands in: there its cells still are smaller than the
-/// place.
-const MOST_STAND_IN: u8 = SECTION_LOG2 as u8 - 1;
-
 /// Where a file's points are believed to lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent {
@@ -257,14 +253,7 @@ impl Cut {
         if !some {
             return Found::Missing;
         }
-        for key in missing {
-            match stand_in(key, live) {
-                Some(from) if from.level <= key.level + MOST_STAND_IN => all.push((key, from)),
-                // Its cells are larger than the place: it is shown all over the node.
-                Some(_) => return Found::Missing,
-                None => {}
-            }
-        }
+        all.extend(missing.into_iter().filter_map(|key| Some((key, stand_in(key, live)?))));
         Found::Some(all)
     }
 }
@@ -386,16 +375,6 @@ mod tests {
         assert_eq!(shown.len(), members.len() - empty.len());
         assert!(shown.iter().all(|(at, from)| at == from));
         assert!(cut.shown(&|_| None).is_empty());
-    }
-
-    #[test]
-    fn a_stand_in_has_cells_smaller_than_the_place() {
-        let cut = domain().cut(&sight(2000.0, 2000.0, 150.0, 1.0));
-        let one = cut.wanted().find(|(key, _)| key.level == 0).unwrap().0;
-        let far = |key: SectionKey| (key == one || key.level == 9).then_some(true);
-        let shown = cut.shown(&far);
-        assert!(!shown.is_empty());
-        assert!(shown.iter().all(|(at, from)| at.level + MOST_STAND_IN >= from.level));
     }
 
     #[test]

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod derived;
+mod live;
 #[path = "../common/scene.rs"]
 mod scene;
 mod story;

@@ -1,0 +1,351 @@
+//! Live residency: what cameras see is made of everything that touches it, whatever came first and however little
+//! memory there is; files that are hidden, gone or broken change what they touch and nothing else.
+
+use super::common::{self, LAVAPIPE, ORDERS, SWIFTSHADER};
+use super::scene::{self, BRIDGED, MEASURED};
+use super::{SIZE, cameras};
+use glam::DVec3;
+use lasray::attribute::{AttributeSummary, ColorTable};
+use lasray::coords::{Grid, Height, SectionKey};
+use lasray::gpu::Gpu;
+use lasray::load::{self, LoadOptions, Opening};
+use lasray::problems::Problems;
+use lasray::render::camera::{Bounds, Camera, Projection};
+use lasray::render::frame::Renderer;
+use lasray::render::image::Image;
+use lasray::render::sight::sight;
+use lasray::section::Columns;
+use lasray::source::placement::{Placement, PlacementOptions};
+use lasray::stream::bins::Budget;
+use lasray::stream::builds::Builds;
+use lasray::stream::live::{Live, Status};
+use lasray::stream::pool::Access;
+use lasray::stream::residency::{Shown, Sight};
+use lasray::stream::scene::{Scene, Visibility};
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+const CELL: f64 = 0.25;
+
+/// Four tiles of the town, compressed and not.
+fn tiles(folder: &Path) -> Vec<PathBuf> {
+    let tile = |k: i32| {
+        let corner = [-160.0 + 160.0 * f64::from(k % 2), -160.0 + 160.0 * f64::from(k / 2)];
+        scene::town(folder, ["a.las", "b.laz", "c.laz", "d.las"][k as usize], corner, 160.0)
+    };
+    (0..4).map(tile).collect()
+}
+
+fn options() -> LoadOptions {
+    LoadOptions {
+        cell: Some(CELL),
+        placement: PlacementOptions::default(),
+        rgb_bits: None,
+        budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 31 },
+        quiet: true,
+    }
+}
+
+/// Every section of every level, words as they are uploaded, from all points of `paths`.
+fn all_sections(paths: &[PathBuf]) -> HashMap<SectionKey, Vec<u32>> {
+    let loaded = load::paths(paths, &options(), &mut Problems::default()).unwrap();
+    let mut words = HashMap::new();
+    let mut level: HashMap<SectionKey, Columns> = loaded.sections.into_iter().collect();
+    for _ in 0..6 {
+        let mut above = HashMap::<SectionKey, Columns>::new();
+        for (key, columns) in level {
+            columns.coarsen_into(key.i, key.j, above.entry(key.parent()).or_default());
+            words.insert(key, columns.pack().words);
+        }
+        level = above;
+    }
+    words
+}
+
+/// What is live of some files.
+struct World {
+    live: Live,
+    scene: Scene,
+    grid: Grid,
+    bounds: Bounds,
+    colors: ColorTable,
+    summary: AttributeSummary,
+}
+
+/// Memory and threads.
+#[derive(Clone, Copy)]
+struct Means {
+    host_bytes: u64,
+    device_bytes: u64,
+    threads: usize,
+}
+
+const PLENTY: Means = Means { host_bytes: 1 << 30, device_bytes: 1 << 30, threads: 2 };
+
+impl World {
+    fn open(gpu: &Gpu, paths: &[PathBuf], means: Means, access: Access, visibility: Visibility) -> World {
+        let Opening { inputs, grid, core, about } =
+            load::open(paths, &options(), &mut Problems::default()).unwrap();
+        assert!(matches!(about.placement, Placement::AsIs));
+        let builds = |bytes| {
+            let mut builds = Builds::new(grid, bytes);
+            for input in inputs {
+                builds.add(input.input, input.bounds, input.reach, input.in_nodes);
+            }
+            builds
+        };
+        World {
+            live: Live::new(builds, grid, core, means.host_bytes, means.threads, || ()),
+            scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, CELL).unwrap(),
+            grid,
+            bounds: about.bounds,
+            colors: ColorTable::new(about.color, &about.summary, None, None).unwrap(),
+            summary: about.summary,
+        }
+    }
+
+    fn sight(&self, camera: &Camera, detail: f64) -> Sight {
+        sight(camera, SIZE, [1.0, 0.0], self.bounds.min.z - 10.0, detail).unwrap()
+    }
+
+    /// Until all is there that `sight` wants.
+    fn complete(&mut self, sight: &Sight) -> Status {
+        let start = Instant::now();
+        loop {
+            let tick = self.live.tick(&mut self.scene, sight, 2 << 20).unwrap();
+            assert!(!tick.stuck, "the sections do not fit");
+            if tick.complete {
+                return self.live.status(&self.scene);
+            }
+            let status = self.live.status(&self.scene);
+            assert!(start.elapsed() < Duration::from_secs(60), "it never ends: {status:?}");
+            self.live.wait(Duration::from_millis(1));
+        }
+    }
+
+    /// What is shown is what all points make of it.
+    fn check(&mut self, all: &HashMap<SectionKey, Vec<u32>>) {
+        let shown = self.live.shown().to_vec();
+        let own = |(at, from): &&Shown| at == from;
+        for (key, _) in shown.iter().filter(own) {
+            let is = self.scene.read(*key).unwrap().unwrap().uploaded;
+            assert_eq!(Some(&is), all.get(key), "{key:?}");
+        }
+        // Others stand in only for what is not seen.
+        let wanted = self.live.wanted();
+        assert!(shown.iter().filter(own).count() > 0);
+        for (at, from) in shown.iter().filter(|(at, from)| at != from) {
+            let seen = |key: &&SectionKey| {
+                std::iter::successors(Some(**key), |key| Some(key.parent())).take(8).any(|k| k == *at)
+            };
+            assert!(wanted.iter().find(seen).is_none(), "{at:?} shows {from:?}");
+        }
+    }
+
+    fn picture(&mut self, camera: &Camera) -> Image {
+        let anchor = Height::from_units(self.bounds.center().z).unwrap();
+        let mut renderer = Renderer::new(&self.scene, self.grid, anchor).unwrap();
+        let table = renderer.table_of(&self.scene, self.live.shown());
+        let data = scene::Data {
+            sections: Vec::new(),
+            grid: self.grid,
+            bounds: self.bounds,
+            anchor,
+            colors: self.colors.clone(),
+            summary: self.summary.clone(),
+            placement: Placement::AsIs,
+        };
+        let view = if self.scene.visibility().bridge == 0 {
+            data.exact(camera, SIZE)
+        } else {
+            data.lit(camera, SIZE)
+        };
+        renderer.draw_table(&mut self.scene, &view, &table).unwrap()
+    }
+}
+
+#[test]
+fn what_is_seen_is_made_of_all_points() {
+    for setup in [&ORDERS[..], &[LAVAPIPE, SWIFTSHADER]].concat() {
+        common::run("live::what_is_seen_is_made_of_all_points", setup, |setup| {
+            let gpu = setup.gpu();
+            let folder = tempfile::tempdir().unwrap();
+            let paths = tiles(folder.path());
+            let all = all_sections(&paths);
+            let mut world = World::open(&gpu, &paths, PLENTY, Access::StorageBuffer, BRIDGED());
+            let mut levels = [0; 8];
+            for camera in cameras(&super::town()) {
+                for detail in [1.0, 0.3] {
+                    let sight = world.sight(&camera, detail);
+                    let status = world.complete(&sight);
+                    assert_eq!((status.coarser, status.damaged), (1.0, 0));
+                    world.live.shown().iter().for_each(|(at, _)| levels[usize::from(at.level)] += 1);
+                    world.check(&all);
+                    world.picture(&camera);
+                }
+            }
+            assert!(levels[0] > 0 && levels[1] > 0, "{levels:?}");
+            assert_eq!(world.scene.counters().waits, 0);
+            assert_eq!(gpu.messages(), [""; 0]);
+        });
+    }
+}
+
+/// The same to the last bit with little memory, one thread, files in another order.
+#[test]
+fn pictures_do_not_depend_on_means() {
+    common::run("live::pictures_do_not_depend_on_means", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let mut paths = tiles(folder.path());
+        let cameras = cameras(&super::town());
+        let pictures = |paths: &[PathBuf], means| -> Vec<Image> {
+            let mut world = World::open(&gpu, paths, means, Access::Address, BRIDGED());
+            let picture = |camera: &Camera| {
+                let sight = world.sight(camera, 1.0);
+                assert_eq!(world.complete(&sight).coarser, 1.0);
+                world.picture(camera)
+            };
+            cameras.iter().map(picture).collect()
+        };
+        let usual = pictures(&paths, PLENTY);
+        paths.reverse();
+        let little = Means { host_bytes: 4 << 20, device_bytes: 192 << 20, threads: 1 };
+        for (k, (a, b)) in usual.iter().zip(pictures(&paths, little)).enumerate() {
+            assert!(a.distance.iter().any(|d| d.is_finite()), "picture {k} shows nothing");
+            assert_eq!((&a.color, &a.distance, &a.class), (&b.color, &b.distance, &b.class), "picture {k}");
+        }
+    });
+}
+
+/// At the finest level everywhere the pictures are those of everything in memory.
+#[test]
+fn finest_cells_give_the_picture_of_everything() {
+    common::run("live::finest_cells_give_the_picture_of_everything", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let data = scene::Data::load(&paths, Some(CELL));
+        let mut whole = data.scene(&gpu, Access::Address, MEASURED());
+        let mut renderer = data.renderer(&whole);
+        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, MEASURED());
+        for camera in cameras(&super::town()) {
+            let sight = world.sight(&camera, 0.0);
+            world.complete(&sight);
+            let (a, b) =
+                (world.picture(&camera), renderer.draw(&mut whole, &data.exact(&camera, SIZE)).unwrap());
+            // Sides of columns that are not seen from above the floor may differ: there is no floor here.
+            let differ = a.class.iter().zip(&b.class).filter(|(a, b)| a != b).count();
+            assert!(differ * 1000 <= a.class.len(), "{differ} pixels differ");
+        }
+    });
+}
+
+#[test]
+fn hidden_files_are_taken_out_and_come_back() {
+    common::run("live::hidden_files_are_taken_out_and_come_back", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let (all, without) = (all_sections(&paths), all_sections(&paths[1..]));
+        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let above = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), SIZE).unwrap();
+        let sight = world.sight(&above, 0.3);
+        let sections = |world: &World| world.scene.counters().sections;
+        world.complete(&sight);
+        world.check(&all);
+        let before = world.picture(&above);
+        let (made, shown) = (sections(&world), world.live.shown().len());
+
+        world.live.show_file(0, false);
+        world.complete(&sight);
+        world.check(&without);
+        // Only what the tile touches, and the sparse sample, were made anew.
+        let anew = (sections(&world) - made) as usize;
+        assert!(anew > 0 && anew < shown * 3 / 4 + 5, "{anew} of {shown}");
+        let hidden = world.picture(&above);
+        assert!(hidden.class.iter().zip(&before.class).filter(|(a, b)| a != b).count() > 500);
+
+        world.live.show_file(0, true);
+        world.complete(&sight);
+        world.check(&all);
+        assert_eq!(world.picture(&above).color, before.color);
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn files_that_fail_are_named_once_and_the_rest_goes_on() {
+    common::run("live::files_that_fail_are_named_once_and_the_rest_goes_on", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let without = all_sections(&paths[1..]);
+        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        // Gone after it was opened, maybe after its sample was taken.
+        fs::remove_file(&paths[0]).unwrap();
+        let above = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), SIZE).unwrap();
+        let sight = world.sight(&above, 0.3);
+        let status = world.complete(&sight);
+        world.check(&without);
+        assert!(status.damaged > 0);
+        let errors = world.live.take_errors();
+        assert_eq!(errors.len(), 1, "{errors:?}");
+        assert!(errors[0].contains("a.las"), "{errors:?}");
+
+        // Broken in the middle: what is before and behind it stays.
+        let mut bytes = fs::read(&paths[1]).unwrap();
+        let mut world = World::open(&gpu, &paths[1..], PLENTY, Access::Address, BRIDGED());
+        let middle = bytes.len() / 2;
+        bytes[middle..middle + 4000].fill(0xFF);
+        let modified = fs::metadata(&paths[1]).unwrap().modified().unwrap();
+        fs::write(&paths[1], bytes).unwrap();
+        fs::File::options().write(true).open(&paths[1]).unwrap().set_modified(modified).unwrap();
+        world.complete(&sight);
+        world.live.take_errors().iter().for_each(|error| assert!(error.contains("b.laz"), "{error}"));
+        assert!(world.picture(&above).distance.iter().filter(|d| d.is_finite()).count() > 1000);
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// Jumps over all of the data, never waiting, in a pool that holds a part of it.
+#[test]
+fn jumps_neither_leak_nor_wait() {
+    common::run("live::jumps_neither_leak_nor_wait", ORDERS[1], |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let means = Means { host_bytes: 24 << 20, device_bytes: 24 << 20, threads: 2 };
+        let mut world = World::open(&gpu, &paths, means, Access::StorageBuffer, BRIDGED());
+        let random = AtomicU64::new(7);
+        let next = |below: f64| {
+            let state =
+                random.load(Ordering::Relaxed).wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            random.store(state, Ordering::Relaxed);
+            (state >> 33) as f64 / (1u64 << 31) as f64 * below
+        };
+        let size = world.bounds.max - world.bounds.min;
+        for jump in 0..300 {
+            let eye = world.bounds.min + DVec3::new(next(size.x), next(size.y), 20.0 + next(300.0));
+            let target = eye + DVec3::new(next(2.0) - 1.0, next(2.0) - 1.0, -0.2 - next(1.0)) * 50.0;
+            let camera = Camera::look_at(eye, target, Projection::default()).unwrap();
+            let sight = world.sight(&camera, 1.0);
+            for _ in 0..3 {
+                world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
+                world.live.wait(Duration::from_micros(300));
+            }
+            if jump % 30 == 0 {
+                world.picture(&camera);
+            }
+            assert!(world.scene.pool().held_bytes() <= means.device_bytes);
+            let held = world.live.status(&world.scene).host_bytes;
+            assert!(held <= means.host_bytes + (16 << 20), "{held} bytes of host memory");
+        }
+        assert_eq!(world.scene.counters().waits, 0);
+        assert!(world.live.take_errors().is_empty());
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
