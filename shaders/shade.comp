@@ -33,6 +33,8 @@ void go_to(inout Here here, ivec2 column) {
     for (int l = frame.section_level; l >= int(SECTION_LOG2); l--) {
         int up = l - here.detail;
         if (up < 0) break;
+        // Smaller ones are looked up for each column.
+        if (l < here.level) here.node = ivec2(0x7FFFFFFF);
         uint slot = find_node(uint(l), column >> up);
         if (slot == NO_NODE) {
             if (l < here.level) break;
@@ -41,8 +43,6 @@ void go_to(inout Here here, ivec2 column) {
         if (!is_section(node_top(slot))) continue;
         here.slot = slot;
         here.finer = here.detail - detail_of(slot);
-        // Smaller ones are looked up for each column.
-        if (l < here.level) here.node = ivec2(0x7FFFFFFF);
         break;
     }
 }

@@ -312,11 +312,12 @@ fn read_firsts(
 /// Whether the first points of chunks, at an even stride, lie in the nodes that the chunks are.
 fn in_nodes(file: &LidarFile, firsts: &[Seen]) -> bool {
     let stride = file.chunks.len().div_ceil(firsts.len().max(1)).max(1);
-    file.chunks.iter().step_by(stride).zip(firsts).all(|(chunk, seen)| {
-        let Some([low, high]) = file.chunk_bounds(chunk) else { return false };
-        let (point, scale) = (unpack(file, seen.raw), file.header.scale.abs());
-        point.cmpge(low - scale).all() && point.cmple(high + scale).all()
-    })
+    !firsts.is_empty()
+        && file.chunks.iter().step_by(stride).zip(firsts).all(|(chunk, seen)| {
+            let Some([low, high]) = file.chunk_bounds(chunk) else { return false };
+            let (point, scale) = (unpack(file, seen.raw), file.header.scale.abs());
+            point.cmpge(low - scale).all() && point.cmple(high + scale).all()
+        })
 }
 
 fn facts<'a>(files: &'a [Opened], firsts: &[Vec<Seen>]) -> Vec<FileFacts<'a>> {

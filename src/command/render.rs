@@ -13,6 +13,7 @@ use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, V
 use crate::render::image::{Format, Image, WorldFile, write_prj_beside};
 use crate::render::path::CameraPath;
 use crate::render::sight::sight;
+use crate::render::whole_file::write_whole;
 use crate::section::{Columns, Packed};
 use crate::source::crs::Unit;
 use crate::source::inputs;
@@ -28,6 +29,7 @@ use frames::Pattern;
 use glam::DVec3;
 use std::collections::HashSet;
 use std::ffi::OsString;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -138,6 +140,9 @@ pub struct Args {
     /// When to draw: when all that the picture needs is there, or as soon as there is something to see
     #[arg(long, value_enum, default_value = "complete", conflicts_with = "demo", help_heading = "Data")]
     wait: Wait,
+    /// Write what each picture took there: sections, bytes read, memory, detail
+    #[arg(long, conflicts_with_all = ["demo", "each"], help_heading = "Data", value_name = "FILE")]
+    json: Option<PathBuf>,
     /// Bytes of device memory for sections
     #[arg(long, default_value = "1GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
     device_memory: u64,
@@ -659,6 +664,7 @@ fn draw(
     // Solid columns are seen from below, too.
     let seen_down_to = if args.shade == Shade::Lit { floor } else { bounds.min.z - 1e6 };
     let mut status = None;
+    let mut all = Vec::new();
     let mut picture = |camera: &Camera, output: &Path| -> anyhow::Result<()> {
         let view = View { camera, ..view.clone() };
         let usage = |error: FrameError| match error {
@@ -672,6 +678,7 @@ fn draw(
                 let sight = sight(camera, size, [args.z_scale, pivot], seen_down_to, detail)
                     .map_err(|error| usage(error.into()))?;
                 live.pause(false);
+                live.restore_detail();
                 let now = fill(live, &mut scene, &sight, args)?;
                 live.pause(true);
                 live.take_errors().iter().for_each(|error| problems.error(error));
@@ -682,6 +689,7 @@ fn draw(
                     ));
                 }
                 status = Some(now);
+                all.push(now);
                 renderer.table_of(&scene, live.shown())
             }
         };
@@ -696,6 +704,11 @@ fn draw(
     match film {
         Some(film) => draw_film(film, &cameras, args.quiet, picture)?,
         None => picture(&cameras[0], output)?,
+    }
+    if let Some(path) = &args.json {
+        let text = serde_json::to_string_pretty(&all).context("numbers as JSON")?;
+        write_whole(path, |file| file.write_all(text.as_bytes()))
+            .with_context(|| format!("{}: cannot be written", path.display()))?;
     }
     if let Some(world) = args.ortho.and_then(|_| WorldFile::of(&cameras[0].basis(size).ok()?)) {
         world.write_beside(output)?;
@@ -742,7 +755,7 @@ fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Args) -> anyho
         let tick = live.tick(scene, sight, UPLOAD_BYTES)?;
         let enough = match args.wait {
             Wait::Complete => tick.complete,
-            Wait::None => live.sampled() && !live.shown().is_empty(),
+            Wait::None => tick.complete || live.sampled() && !live.shown().is_empty(),
         };
         if enough {
             break;

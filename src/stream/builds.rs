@@ -93,7 +93,7 @@ pub struct Outcome {
 }
 
 /// How far reading is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Progress {
     /// Points in all files that are shown.
     pub points: u64,
@@ -127,6 +127,7 @@ pub struct Builds {
     /// Finished, on their way to whoever wanted them.
     out: HashSet<SectionKey>,
     errors: Vec<String>,
+    corrected: Vec<usize>,
     progress: Progress,
 }
 
@@ -163,6 +164,7 @@ impl Builds {
             finished: VecDeque::new(),
             out: HashSet::new(),
             errors: Vec::new(),
+            corrected: Vec::new(),
             progress: Progress::default(),
         }
     }
@@ -226,6 +228,7 @@ impl Builds {
         }
         let out = std::mem::take(&mut self.out);
         self.out = out.into_iter().filter(|&key| !self.touches(source, key)).collect();
+        self.admit();
     }
 
     /// Whether a file may have points in a section.
@@ -268,27 +271,28 @@ impl Builds {
 
     /// Starts what is wanted, as far as there is room.
     fn admit(&mut self) {
-        let wanted: HashSet<_> = self.order.iter().copied().collect();
         let mut bytes = self.bytes();
-        for key in std::mem::take(&mut self.order) {
-            self.order.push(key);
+        let mut tidied = false;
+        for key in self.order.clone() {
             if self.builds.contains_key(&key) || self.out.contains(&key) {
                 continue;
             }
-            if bytes + USUAL_BYTES > self.budget_bytes {
+            if bytes + USUAL_BYTES > self.budget_bytes && !std::mem::replace(&mut tidied, true) {
+                let wanted: HashSet<_> = self.order.iter().copied().collect();
                 self.builds.retain(|key, _| wanted.contains(key));
                 bytes = self.bytes();
             }
             // One is always made, or nothing would ever be.
-            if bytes + USUAL_BYTES <= self.budget_bytes || self.builds.is_empty() {
-                bytes += USUAL_BYTES;
-                self.start(key);
+            if bytes + USUAL_BYTES > self.budget_bytes && !self.builds.is_empty() {
+                break;
             }
+            bytes += USUAL_BYTES;
+            self.start(key);
         }
     }
 
     fn start(&mut self, key: SectionKey) {
-        let mut lacks = BTreeSet::new();
+        let mut lacks = Vec::new();
         let mut damaged = false;
         for source in (0..self.sources.len()).filter(|&s| self.sources[s].shown && self.reaches(s, key)) {
             let touching = self.chunks_of(source).filter(|&chunk| self.may_hold(chunk, key));
@@ -300,6 +304,7 @@ impl Builds {
             damaged |= touching.iter().any(|&chunk| self.chunks[chunk as usize].broken);
             lacks.extend(touching);
         }
+        let lacks = BTreeSet::from_iter(lacks);
         self.builds.insert(key, Build { columns: Shared::default(), lacks, bytes: 0, damaged });
         self.finish_if_whole(key);
     }
@@ -367,6 +372,23 @@ impl Builds {
         if self.sources[source].busy == 0 {
             input.file.bytes.release();
         }
+        if let Some([low, high]) = outcome.cells {
+            let outside = |b: Cells| (0..2).any(|axis| low[axis] < b[0][axis] || high[axis] > b[1][axis]);
+            let beyond = self.sources[source].reach.is_some_and(outside);
+            if beyond || self.chunks[chunk as usize].cells.is_some_and(outside) {
+                self.errors.push(format!(
+                    "{}: points lie outside of the bounds that its header gives: all of it is looked at",
+                    input.file.path().display()
+                ));
+                self.sources[source].reach = None;
+                let of_source = self.chunks_of(source);
+                for other in &mut self.chunks[of_source.start as usize..of_source.end as usize] {
+                    other.cells = None;
+                }
+                self.changed(source);
+                self.corrected.push(source);
+            }
+        }
         let gone = if lost { self.chunks_of(source) } else { chunk..chunk + 1 };
         let cells = self.chunks[chunk as usize].cells;
         let mut touched = Vec::new();
@@ -377,25 +399,44 @@ impl Builds {
                 build.bytes = super::bins::lock(&build.columns).bytes() as u64;
             }
             let outside = cells.is_some_and(|[low, high]| !touches(key, low, high));
-            if lost || served || outside {
+            let changed = if lost {
                 let before = build.lacks.len();
-                build.lacks.retain(|chunk| !gone.contains(chunk));
-                if build.lacks.len() < before {
-                    build.damaged |= broken && (lost || served);
-                    touched.push(key);
-                }
+                // Others may be writing: what they read ends by itself.
+                build.lacks.retain(|c| !(*c == chunk || gone.contains(c) && !self.chunks[*c as usize].busy));
+                build.lacks.len() < before
+            } else {
+                (served || outside) && build.lacks.remove(&chunk)
+            };
+            if changed {
+                build.damaged |= broken && (lost || served);
+                touched.push(key);
             }
         }
         drop(targets);
         touched.into_iter().for_each(|key| self.finish_if_whole(key));
-        // The least urgent ones make room.
-        while self.bytes() > self.budget_bytes && self.builds.len() > 1 {
-            let rank =
-                |key: &SectionKey| self.order.iter().position(|other| other == key).unwrap_or(usize::MAX);
-            let last = self.builds.keys().copied().max_by_key(rank).expect("there are two");
-            self.builds.remove(&last);
+        if self.bytes() > self.budget_bytes {
+            self.make_room();
         }
         self.admit();
+    }
+
+    /// The least urgent ones go.
+    fn make_room(&mut self) {
+        let rank: HashMap<_, _> = self.order.iter().zip(0usize..).collect();
+        let mut last: Vec<_> =
+            self.builds.keys().map(|key| (rank.get(key).copied().unwrap_or(usize::MAX), *key)).collect();
+        last.sort_unstable();
+        while self.bytes() > self.budget_bytes
+            && self.builds.len() > 1
+            && let Some((_, key)) = last.pop()
+        {
+            self.builds.remove(&key);
+        }
+    }
+
+    /// Files whose points turned out to lie elsewhere than their headers say: what they touch is to be made anew.
+    pub fn take_corrected(&mut self) -> Vec<usize> {
+        std::mem::take(&mut self.corrected)
     }
 
     /// What went wrong since this was asked last.
@@ -405,12 +446,15 @@ impl Builds {
 
     /// How far it is.
     pub fn progress(&self) -> Progress {
-        let lacking: BTreeSet<_> = self.builds.values().flat_map(|build| &build.lacks).collect();
+        let mut lacked = vec![false; self.chunks.len()];
+        for &chunk in self.builds.values().flat_map(|build| &build.lacks) {
+            lacked[chunk as usize] = true;
+        }
         Progress {
             chunks: self.chunks.len() as u64,
             builds: self.builds.len() as u64,
             build_bytes: self.builds.values().map(|build| build.bytes).sum(),
-            lacking: lacking.len() as u64,
+            lacking: lacked.into_iter().filter(|lacked| *lacked).count() as u64,
             ..self.progress
         }
     }

@@ -155,6 +155,11 @@ impl Feed {
         self.arrivals.try_recv().ok()
     }
 
+    /// Whether no sparse sample is being taken.
+    pub fn is_sampled(&self) -> bool {
+        self.inner.lock().sample.as_ref().is_none_or(|sample| sample.left.is_empty() && sample.busy == 0)
+    }
+
     /// Waits for what arrives next.
     pub fn take(&self, timeout: Duration) -> Option<Arrival> {
         self.arrivals.recv_timeout(timeout).ok()

@@ -5,7 +5,7 @@ use super::bins::Core;
 use super::builds::{Builds, Progress};
 use super::feed::{Arrival, Feed, sparse_points};
 use super::pool::section_bytes;
-use super::residency::{Cut, Domain, MOST_LEVEL, Shown, Sight};
+use super::residency::{Cut, Domain, MOST_LEVEL, MOST_NODES, Shown, Sight};
 use super::scene::{Scene, Upload};
 use super::workers::Input;
 use crate::coords::{Grid, SectionKey};
@@ -23,8 +23,6 @@ const SPARSE_POINTS: u64 = 3;
 const COARSER_TICKS: u64 = 60;
 /// Places whose last use is remembered.
 const MOST_USED: usize = 1 << 16;
-/// Members beyond which a cut is coarsened before anything is read for it.
-const MOST_MEMBERS: usize = 1 << 16;
 
 /// A packed section in host memory.
 struct Kept {
@@ -44,9 +42,10 @@ pub struct Tick {
 }
 
 /// How things stand.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Status {
     /// Files and chunks.
+    #[serde(flatten)]
     pub progress: Progress,
     /// Sections that the camera wants, and how many of them are live or known to be empty.
     pub wanted: usize,
@@ -98,6 +97,10 @@ pub struct Live {
     /// Tick at which that was changed last.
     coarsened: u64,
     stuck: bool,
+    /// Something arrived that no section on the device tells of.
+    news: bool,
+    /// Levels of former and present sparse samples, to be taken off the device: other sections have those keys.
+    purged: Vec<u8>,
 }
 
 fn packed_bytes(packed: &Packed) -> u64 {
@@ -141,6 +144,8 @@ impl Live {
             coarser: 1.0,
             coarsened: 0,
             stuck: false,
+            news: false,
+            purged: Vec::new(),
         };
         live.look_at_files();
         live
@@ -163,8 +168,17 @@ impl Live {
         let enough = |level: &u8| of_level(*level) * SPARSE_POINTS as f64 <= samples as f64;
         // The grid's anchor allows for no more.
         let coarsest = MOST_LEVEL + 2;
+        let old = self.sparse_level;
         self.sparse_level = (root + SPARSE_ABOVE..coarsest).find(enough).unwrap_or(coarsest);
         self.sparse_there = false;
+        for level in [old, self.sparse_level] {
+            self.arrived.retain(|key, _| key.level != level);
+            self.empty.retain(|key| key.level != level);
+            self.kept.retain(|key, _| key.level != level);
+            self.stale.retain(|key| key.level != level);
+            self.purged.push(level);
+        }
+        self.kept_bytes = self.kept.values().map(|kept| packed_bytes(&kept.packed)).sum();
         self.feed.sample(self.sparse_level);
         self.sight = None;
     }
@@ -172,25 +186,26 @@ impl Live {
     /// Shows or hides a file: the sections that it touches are made anew, from the files that touch those.
     pub fn show_file(&mut self, source: usize, shown: bool) {
         self.feed.with(|builds| builds.show(source, shown));
-        self.files_changed(source);
+        self.files_changed(&[source]);
     }
 
     /// Adds files: input, where it is seen, outside of which it has no points, whether those of COPC nodes are in their
     /// boxes. `core`: of all.
     pub fn add(&mut self, inputs: Vec<(Input, Option<Bounds>, Option<Bounds>, bool)>, core: Core) {
         self.feed.set_core(core);
-        for (input, bounds, reach, in_nodes) in inputs {
-            let source = self.feed.with(|builds| builds.add(input, bounds, reach, in_nodes));
-            self.files_changed(source);
-        }
+        let sources: Vec<_> = self.feed.with(|builds| {
+            let add = |(input, bounds, reach, in_nodes)| builds.add(input, bounds, reach, in_nodes);
+            inputs.into_iter().map(add).collect()
+        });
+        self.files_changed(&sources);
     }
 
-    fn files_changed(&mut self, source: usize) {
+    fn files_changed(&mut self, sources: &[usize]) {
         let made = self.empty.iter().chain(self.arrived.keys()).chain(self.kept.keys());
         let known: HashSet<SectionKey> = made.chain(self.used.keys()).copied().collect();
         let (touched, change) = self.feed.with(|builds| {
-            let touched: Vec<_> = known.into_iter().filter(|&key| builds.touches(source, key)).collect();
-            (touched, builds.change())
+            let touches = |key: &SectionKey| sources.iter().any(|&source| builds.touches(source, *key));
+            (known.into_iter().filter(touches).collect::<Vec<_>>(), builds.change())
         });
         for key in touched {
             self.empty.remove(&key);
@@ -201,17 +216,30 @@ impl Live {
             }
             self.stale.insert(key);
         }
-        self.changes.push((change, source));
+        self.changes.extend(sources.iter().map(|&source| (change, source)));
+        // What was asked for may have been thrown away.
+        self.asked.clear();
         self.look_at_files();
     }
 
     /// Does what can be done now for a camera that sees `sight`, uploading `most_bytes` at most.
     pub fn tick(&mut self, scene: &mut Scene, sight: &Sight, most_bytes: u64) -> Result<Tick, GpuError> {
         self.tick += 1;
-        let mut news = false;
-        while let Some(arrival) = self.feed.try_take() {
-            news |= self.arrive(arrival);
+        let corrected = self.feed.with(Builds::take_corrected);
+        if !corrected.is_empty() {
+            self.files_changed(&corrected);
         }
+        if !self.purged.is_empty() {
+            let purged = std::mem::take(&mut self.purged);
+            let gone: Vec<_> = scene.resident().filter(|key| purged.contains(&key.level)).collect();
+            scene.remove(&gone)?;
+        }
+        while self.has_room()
+            && let Some(arrival) = self.feed.try_take()
+        {
+            self.news |= self.arrive(arrival);
+        }
+        let mut news = std::mem::take(&mut self.news);
         let moved = self.sight.as_ref() != Some(sight);
         if moved {
             self.stuck = false;
@@ -230,15 +258,23 @@ impl Live {
             self.show(scene);
         }
         self.ask(scene);
+        self.sparse_there |= self.feed.is_sampled();
         let complete = self.sparse_there && self.missing(scene).next().is_none();
         Ok(Tick { changed, complete, stuck: self.stuck })
     }
 
     /// Waits until something arrives, or for so long.
     pub fn wait(&mut self, timeout: Duration) {
-        if let Some(arrival) = self.feed.take(timeout) {
-            self.arrive(arrival);
+        if !self.has_room() {
+            std::thread::sleep(timeout);
+        } else if let Some(arrival) = self.feed.take(timeout) {
+            self.news |= self.arrive(arrival);
         }
+    }
+
+    /// Whether more may arrive: what has not is held back by the threads' queue.
+    fn has_room(&self) -> bool {
+        self.arrived.values().map(packed_bytes).sum::<u64>() < self.host_bytes / 8
     }
 
     /// Whether it is news.
@@ -280,7 +316,7 @@ impl Live {
                 detail => detail * self.coarser,
             };
             self.cut = self.domain.cut(&Sight { detail, ..sight.clone() });
-            if self.cut.len() <= MOST_MEMBERS {
+            if self.cut.nodes() < MOST_NODES {
                 break;
             }
             self.coarser *= std::f64::consts::SQRT_2;
@@ -341,14 +377,16 @@ impl Live {
                 Upload::Later => break,
                 Upload::Full => {
                     let needed = section_bytes(&packed.layout);
-                    if !self.make_room(scene, needed)? {
+                    if !self.make_room(scene, needed)? && !is_sparse(&&key) {
                         let roots = self.domain.roots().first().map_or(0, |root| root.level);
                         self.stuck = self.wanted.iter().all(|key| key.level == roots);
-                        // Not even what is seen fits: all of it a little coarser.
-                        self.coarser *= std::f64::consts::SQRT_2;
-                        self.coarsened = self.tick;
-                        self.look(sight);
-                        news = true;
+                        if !self.stuck {
+                            // Not even what is seen fits: all of it a little coarser.
+                            self.coarser *= std::f64::consts::SQRT_2;
+                            self.coarsened = self.tick;
+                            self.look(sight);
+                            news = true;
+                        }
                     }
                     break;
                 }
@@ -376,13 +414,14 @@ impl Live {
         let shown: HashSet<_> = self.shown.iter().map(|(_, from)| *from).collect();
         let mut spare: Vec<_> = scene
             .resident()
-            .filter(|key| !wanted.contains(key) && !shown.contains(key) && key.level != self.sparse_level)
-            .map(|key| (self.used.get(&key).copied().unwrap_or(0), key))
+            .filter(|key| !wanted.contains(key) && key.level != self.sparse_level)
+            // What stands in for something goes last.
+            .map(|key| (shown.contains(&key), self.used.get(&key).copied().unwrap_or(0), key))
             .collect();
         spare.sort_unstable();
         let mut room = 0;
         let mut gone = Vec::new();
-        for (_, key) in spare {
+        for (_, _, key) in spare {
             if room >= bytes {
                 break;
             }
@@ -400,7 +439,9 @@ impl Live {
         if let Some(kept) = self.kept.get_mut(&key) {
             kept.used = self.tick;
         }
-        let Some(packed) = self.arrived.remove(&key) else { return };
+        let Some(packed) = self.arrived.remove(&key).filter(|_| key.level != self.sparse_level) else {
+            return;
+        };
         self.kept_bytes += packed_bytes(&packed);
         if let Some(old) = self.kept.insert(key, Kept { packed, used }) {
             self.kept_bytes -= packed_bytes(&old.packed);
@@ -473,6 +514,11 @@ impl Live {
             coarser: self.coarser,
             progress,
         }
+    }
+
+    /// Tries the detail that was asked for again: another picture is to come.
+    pub fn restore_detail(&mut self) {
+        (self.coarser, self.sight) = (1.0, None);
     }
 
     /// What went wrong since this was asked last.

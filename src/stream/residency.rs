@@ -9,6 +9,11 @@ use glam::DVec3;
 
 /// Coarsest detail level: the grid's anchor allows for no more.
 pub const MOST_LEVEL: u8 = 18;
+/// Nodes beyond which a cut is refined no further: nobody has the memory.
+pub const MOST_NODES: usize = 1 << 18;
+/// Columns around a section that shading looks at from within it.
+const HALO: f64 = 17.0;
+
 /// Where a file's points are believed to lie.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent {
@@ -171,12 +176,15 @@ impl Domain {
         let bottom = here.iter().map(|e| extent(e).up[0]).fold(f64::INFINITY, f64::min);
         let place =
             |up: f64| [DVec3::new(west, south, sight.shown(up)), DVec3::new(east, north, sight.shown(top))];
-        let seen = sight.sees(&place(bottom.min(sight.floor)));
+        let halo = HALO * self.cell * f64::from(key.level).exp2();
+        let [low, high] = place(bottom.min(sight.floor));
+        let around = DVec3::new(halo, halo, 0.0);
+        let seen = sight.sees(&[low - around, high + around]);
         let pixels = sight.pixels(self.cell, &place(bottom));
         let fine = pixels * f64::from(key.level).exp2() <= sight.detail;
         let index = cut.nodes.len() as u32;
         cut.nodes.push(Node { key, children: None, nearness: seen.then_some(pixels) });
-        if key.level > 0 && seen && !fine {
+        if key.level > 0 && seen && !fine && cut.nodes.len() < MOST_NODES {
             let children: [Option<u32>; 4] =
                 std::array::from_fn(|quarter| self.refine(cut, child(key, quarter as i32), &here, sight));
             cut.nodes[index as usize].children = Some(children);
@@ -203,9 +211,9 @@ impl Cut {
         self.members().filter_map(|node| Some((node.key, node.nearness?)))
     }
 
-    /// How many members there are, seen or not.
-    pub fn len(&self) -> usize {
-        self.members().count()
+    /// Nodes in all, those above members included.
+    pub fn nodes(&self) -> usize {
+        self.nodes.len()
     }
 
     /// Whether there is nothing at all.

@@ -10,7 +10,7 @@ use crate::render::sight::sight;
 use crate::source::inputs;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::Budget;
-use crate::stream::builds::Builds;
+use crate::stream::builds::{Builds, cells_of};
 use crate::stream::live::{self, Live};
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
@@ -19,9 +19,12 @@ use crossbeam_channel::Receiver;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Bytes that one frame may upload.
 const UPLOAD_BYTES: u64 = 4 << 20;
+/// How often progress is looked at, at least.
+const COUNT_EVERY: Duration = Duration::from_millis(100);
 
 /// What the user decides about reading.
 #[derive(Clone, Debug)]
@@ -130,6 +133,8 @@ pub struct Data {
     grid: Grid,
     anchor: Height,
     now: live::Status,
+    /// When that was asked for.
+    counted: Instant,
     is_complete: bool,
     messages: Vec<String>,
     failed: Option<String>,
@@ -158,6 +163,7 @@ impl Data {
             grid: Grid { base_cell: 1.0, coarsen: 0, anchor: [0; 2] },
             anchor: Height(0),
             now: live::Status::default(),
+            counted: Instant::now(),
             is_complete: false,
             messages: Vec::new(),
             failed: None,
@@ -168,16 +174,25 @@ impl Data {
 
     /// Takes what has arrived, once a frame; the camera, the picture's size and the vertical exaggeration say what is
     /// wanted.
-    pub fn tick(&mut self, gpu: &Gpu, camera: &Camera, size: [u32; 2], z_scale: f64) -> anyhow::Result<Tick> {
+    pub fn tick(
+        &mut self,
+        gpu: &Gpu,
+        camera: &Camera,
+        size: [u32; 2],
+        z_scale: f64,
+        lit: bool,
+    ) -> anyhow::Result<Tick> {
         let mut tick = Tick::default();
         let mut opened = Vec::new();
-        self.coming.retain(|coming| match coming.opening.try_recv() {
-            Ok((opening, lines)) => {
-                opened.push((opening, lines, coming.more));
-                false
+        // In the order in which they were asked for.
+        while let Some(coming) = self.coming.first() {
+            match coming.opening.try_recv() {
+                Ok((opening, lines)) => opened.push((opening, lines, coming.more)),
+                Err(error) if error.is_empty() => break,
+                Err(_) => {}
             }
-            Err(error) => error.is_empty(),
-        });
+            self.coming.remove(0);
+        }
         for (opening, lines, more) in opened {
             tick.changed = true;
             self.say(lines);
@@ -198,22 +213,22 @@ impl Data {
         let scene = self.scene.as_mut().expect("there is always one");
         if !size.contains(&0) {
             let pivot = about.bounds.min.z;
-            // Below the floor nothing is drawn, or what is seen is the side of something above.
+            // Solid columns without end are seen from below, too.
             let bounds = about.bounds;
-            let floor = bounds.min.z - 0.1 * (bounds.max - bounds.min).max_element();
+            let floor = bounds.min.z - if lit { 0.1 * (bounds.max - bounds.min).max_element() } else { 1e6 };
             let sight = sight(camera, size, [z_scale, pivot], floor, 1.0)?;
             let now = live.tick(scene, &sight, UPLOAD_BYTES)?;
             scene.flush()?;
             tick.changed |= now.changed;
             tick.is_busy = scene.is_busy();
             self.is_complete = now.complete && self.coming.is_empty();
-            if now.stuck && self.failed.is_none() {
-                self.failed = Some(
-                    "the sections do not fit the device memory: give more with --device-memory".to_owned(),
-                );
-            }
+            let why = "the sections do not fit the device memory: give more with --device-memory";
+            self.failed = now.stuck.then(|| why.to_owned());
         }
-        self.now = live.status(scene);
+        if tick.changed || self.counted.elapsed() > COUNT_EVERY {
+            self.now = live.status(scene);
+            self.counted = Instant::now();
+        }
         let errors = live.take_errors();
         self.say(errors);
         Ok(tick)
@@ -233,7 +248,9 @@ impl Data {
         let same = |a: &Option<crate::source::crs::Crs>, b: &Option<crate::source::crs::Crs>| {
             a.as_ref().map(|crs| &crs.name) == b.as_ref().map(|crs| &crs.name)
         };
-        same(&about.crs, &opening.about.crs) && about.placement == opening.about.placement
+        let bounds = opening.about.bounds;
+        let countable = cells_of(&self.grid, bounds.min, bounds.max).is_some();
+        countable && same(&about.crs, &opening.about.crs) && about.placement == opening.about.placement
     }
 
     /// More files, on the grid of those that are there.
@@ -352,6 +369,11 @@ impl Data {
         self.coming.push(Coming { opening, more });
     }
 
+    /// Whether everything that is to be seen is there.
+    pub fn is_complete(&self) -> bool {
+        self.is_complete || self.failed.is_some()
+    }
+
     /// How far things are.
     pub fn status(&self) -> Status {
         let (now, progress) = (&self.now, &self.now.progress);
@@ -370,7 +392,7 @@ impl Data {
             messages: self.messages.clone(),
             bytes_read: progress.bytes_read,
             frames_waited: self.scene().counters().waits,
-            is_complete: self.is_complete || self.failed.is_some(),
+            is_complete: self.is_complete(),
             failed: self.failed.clone(),
         }
     }

@@ -49,7 +49,7 @@ const ONE_MOVE: Duration = Duration::from_millis(700);
 /// When to look again for what is under way.
 const SOON: Duration = Duration::from_millis(6);
 /// And for an image of a window that gives none.
-const LATER: Duration = Duration::from_millis(60);
+const LATER: Duration = Duration::from_millis(150);
 
 /// What the window opens with.
 pub struct Options {

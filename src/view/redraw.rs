@@ -5,7 +5,7 @@ use super::panel::{self, Settings, Shown};
 use super::{LATER, Options, Question, SAMPLES, SOON, Viewer, Wanted, overlay};
 use crate::attribute::{ColorMode, ColorTable};
 use crate::render::camera::Camera;
-use crate::render::frame::{Background, Renderer, Traversal, View, check_size};
+use crate::render::frame::{Background, Renderer, Shade, Traversal, View, check_size};
 use egui::{Color32, FontId, Rect};
 use std::ffi::OsString;
 use std::time::Instant;
@@ -51,7 +51,13 @@ impl Viewer {
         self.next = None;
         self.take_dropped();
 
-        let tick = self.data.tick(&self.gpu, &self.camera, self.place.size, self.settings.z_scale)?;
+        let tick = self.data.tick(
+            &self.gpu,
+            &self.camera,
+            self.place.size,
+            self.settings.z_scale,
+            self.settings.shade == Shade::Lit,
+        )?;
         let upload_ms = begun.elapsed().as_secs_f64() * 1e3;
         if tick.is_new_scene {
             self.renderer = None;
@@ -290,7 +296,9 @@ impl Viewer {
             self.is_coarse = false;
             self.screen.start(size);
         }
-        Ok(self.is_coarse || self.screen.samples() < SAMPLES)
+        // Until all is there the picture will be another one soon: what computes is left to the reading.
+        let enough = if self.data.is_complete() { SAMPLES } else { 1 };
+        Ok(self.is_coarse || self.screen.samples() < enough)
     }
 
     /// Records and submits the frame, and shows it; `false` where the window gives no image.
