@@ -375,9 +375,11 @@ impl Live {
                     self.keep(key);
                 }
                 Upload::Later => break,
+                // A stand-in is not worth the detail of what it stands in for.
+                Upload::Full if is_sparse(&&key) => continue,
                 Upload::Full => {
                     let needed = section_bytes(&packed.layout);
-                    if !self.make_room(scene, needed)? && !is_sparse(&&key) {
+                    if !self.make_room(scene, needed)? {
                         let roots = self.domain.roots().first().map_or(0, |root| root.level);
                         self.stuck = self.wanted.iter().all(|key| key.level == roots);
                         if !self.stuck {

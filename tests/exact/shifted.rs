@@ -84,6 +84,10 @@ fn a_shifted_scene_gives_the_same_picture_bit_by_bit() {
             for kind in ["png", "exr"] {
                 let [a, b] = [&made, &moved].map(|input| {
                     let mut arguments: Vec<String> = arguments.iter().map(|a| a.to_string()).collect();
+                    // Coarser cells lie on a grid of their own, which is not shifted along.
+                    if kind == "png" && !arguments.iter().any(|a| a == "--shade") {
+                        arguments.extend(["--detail".to_owned(), "0".to_owned()]);
+                    }
                     if placed {
                         let [eye, target] = [eye, target].map(|p| place(p, input == &moved));
                         arguments.extend([format!("--eye={eye}"), format!("--target={target}")]);
