@@ -410,7 +410,7 @@ impl Live {
         Ok(news)
     }
 
-    /// Gives back what is neither wanted nor shown, what was so longest ago first, until so many bytes are free.
+    /// Gives back what is not wanted, what was used longest ago first and stand-ins last, until so many bytes are free.
     fn make_room(&mut self, scene: &mut Scene, bytes: u64) -> Result<bool, GpuError> {
         let wanted: HashSet<_> = self.wanted.iter().copied().collect();
         let shown: HashSet<_> = self.shown.iter().map(|(_, from)| *from).collect();
