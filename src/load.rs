@@ -10,6 +10,7 @@ use crate::section::Columns;
 use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
 use crate::source::{crs::Crs, crs::Unit, inputs};
 use crate::stream::bins::{Binner, Bins, Budget, Core, Meaning};
+use crate::stream::builds::OpenInput;
 use crate::stream::workers::{Input, Progress, read_all};
 use crate::synth;
 use glam::DVec3;
@@ -166,18 +167,6 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     let errors = watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &progress));
     errors.iter().for_each(|error| problems.error(error));
     finish(bins, about, progress.points.into_inner(), options, problems)
-}
-
-/// A file that is to be read, and where.
-pub struct OpenInput {
-    /// How to read it.
-    pub input: Input,
-    /// World box without stray points.
-    pub bounds: Option<sample::Bounds>,
-    /// World box that no point lies outside of, where that is known.
-    pub reach: Option<sample::Bounds>,
-    /// Points lie in the nodes that a COPC hierarchy has them in.
-    pub in_nodes: bool,
 }
 
 /// Files that are open, and all that is decided before they are read.

@@ -6,7 +6,7 @@ use super::{Outcome, UsageError};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
 use crate::coords::{Height, SectionKey, tidy};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Order};
-use crate::load::{self, About, LoadError, LoadOptions, Loaded, OpenInput, Opening};
+use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::problems::Problems;
 use crate::render::camera::{Bounds, Camera, DEFAULT_FOV, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, View, check_size};
@@ -19,7 +19,7 @@ use crate::source::crs::Unit;
 use crate::source::inputs;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::{Budget, Core};
-use crate::stream::builds::Builds;
+use crate::stream::builds::OpenInput;
 use crate::stream::live::{Live, Status};
 use crate::stream::pool::{Access, slot_bytes};
 use crate::stream::residency::Sight;
@@ -621,14 +621,7 @@ fn draw(
         Content::Live(inputs, core) => {
             let points = inputs.iter().map(|input| input.input.file.points()).sum();
             let host_bytes = args.host_memory;
-            let builds = |bytes| {
-                let mut builds = Builds::new(grid, bytes);
-                for OpenInput { input, bounds, reach, in_nodes } in inputs {
-                    builds.add(input, bounds, reach, in_nodes);
-                }
-                builds
-            };
-            (Some(Live::new(builds, grid, core, host_bytes, load::threads(), || ())), points, 0)
+            (Some(Live::new(inputs, grid, core, host_bytes, load::threads(), || ())), points, 0)
         }
     };
 

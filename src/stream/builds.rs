@@ -22,6 +22,18 @@ const USUAL_BYTES: u64 = 900 << 10;
 /// Finest cells: first, and the one after the last.
 pub type Cells = [[i32; 2]; 2];
 
+/// A file that is to be read, and where.
+pub struct OpenInput {
+    /// How to read it.
+    pub input: Input,
+    /// World box without stray points.
+    pub bounds: Option<Bounds>,
+    /// World box that no point lies outside of, where that is known.
+    pub reach: Option<Bounds>,
+    /// Points lie in the nodes that a COPC hierarchy has them in.
+    pub in_nodes: bool,
+}
+
 /// A file as it is read here.
 pub struct Source {
     /// How its points are read.
@@ -169,15 +181,8 @@ impl Builds {
         }
     }
 
-    /// Adds a file. `bounds`: where it is seen; `reach`: outside of which it has no points; `in_nodes`: those of a node
-    /// of a COPC file are in its box.
-    pub fn add(
-        &mut self,
-        input: Input,
-        bounds: Option<Bounds>,
-        reach: Option<Bounds>,
-        in_nodes: bool,
-    ) -> usize {
+    /// Adds a file; gives its number.
+    pub fn add(&mut self, OpenInput { input, bounds, reach, in_nodes }: OpenInput) -> usize {
         let grid = self.grid;
         let extent = bounds.and_then(|b| {
             let [low, high] = cells_of(&grid, b.min, b.max)?;

@@ -2,15 +2,13 @@
 //! seen any more given back. Called once a frame; never waits.
 
 use super::bins::Core;
-use super::builds::{Builds, Progress};
+use super::builds::{Builds, OpenInput, Progress};
 use super::feed::{Arrival, Feed, sparse_points};
 use super::pool::section_bytes;
 use super::residency::{Cut, Domain, MOST_LEVEL, MOST_NODES, Shown, Sight};
 use super::scene::{Scene, Upload};
-use super::workers::Input;
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
-use crate::sample::Bounds;
 use crate::section::Packed;
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
@@ -108,17 +106,20 @@ fn packed_bytes(packed: &Packed) -> u64 {
 }
 
 impl Live {
-    /// Of `builds`, which has its files. `host_bytes`: of everything that is held in host memory; `wake` is called when
-    /// there is something for [`Live::tick`].
+    /// Of files, on `grid`. `host_bytes`: of everything that is held in host memory; `wake` is called when there is
+    /// something for [`Live::tick`].
     pub fn new(
-        builds: impl FnOnce(u64) -> Builds,
+        inputs: Vec<OpenInput>,
         grid: Grid,
         core: Core,
         host_bytes: u64,
         threads: usize,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Live {
-        let builds = builds(host_bytes / 4 * 3);
+        let mut builds = Builds::new(grid, host_bytes / 4 * 3);
+        for input in inputs {
+            builds.add(input);
+        }
         let mut live = Live {
             feed: Feed::new(builds, grid, core, threads, wake),
             grid,
@@ -189,14 +190,11 @@ impl Live {
         self.files_changed(&[source]);
     }
 
-    /// Adds files: input, where it is seen, outside of which it has no points, whether those of COPC nodes are in their
-    /// boxes. `core`: of all.
-    pub fn add(&mut self, inputs: Vec<(Input, Option<Bounds>, Option<Bounds>, bool)>, core: Core) {
+    /// Adds files. `core`: of all.
+    pub fn add(&mut self, inputs: Vec<OpenInput>, core: Core) {
         self.feed.set_core(core);
-        let sources: Vec<_> = self.feed.with(|builds| {
-            let add = |(input, bounds, reach, in_nodes)| builds.add(input, bounds, reach, in_nodes);
-            inputs.into_iter().map(add).collect()
-        });
+        let sources: Vec<_> =
+            self.feed.with(|builds| inputs.into_iter().map(|input| builds.add(input)).collect());
         self.files_changed(&sources);
     }
 

@@ -2,7 +2,7 @@
 
 use crate::coords::{Grid, Height};
 use crate::gpu::{Gpu, Order};
-use crate::load::{self, LoadError, LoadOptions, OpenInput, Opening};
+use crate::load::{self, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
 use crate::render::camera::{Bounds, Camera};
 use crate::render::frame::Renderer;
@@ -10,7 +10,7 @@ use crate::render::sight::sight;
 use crate::source::inputs;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::Budget;
-use crate::stream::builds::{Builds, cells_of};
+use crate::stream::builds::{OpenInput, cells_of};
 use crate::stream::live::{self, Live};
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
@@ -264,7 +264,7 @@ impl Data {
             *known += more;
         }
         let core = load::core(self.grid.base_cell, &known.whole.bounds);
-        live.add(inputs.into_iter().map(|i| (i.input, i.bounds, i.reach, i.in_nodes)).collect(), core);
+        live.add(inputs, core);
     }
 
     /// Other data: another scene.
@@ -275,18 +275,11 @@ impl Data {
         self.anchor = Height::from_units(about.bounds.center().z).unwrap_or(Height(0));
         let files = inputs.iter().map(file_about).collect();
         self.about = Some(About { whole: about, files });
-        let builds = |bytes| {
-            let mut builds = Builds::new(grid, bytes);
-            for OpenInput { input, bounds, reach, in_nodes } in inputs {
-                builds.add(input, bounds, reach, in_nodes);
-            }
-            builds
-        };
         let wake = Arc::clone(&self.wake);
         // Two threads are left to the frames, where there are more.
         let threads = load::threads();
         let host_bytes = self.options.host_bytes;
-        self.live = Some(Live::new(builds, grid, core, host_bytes, threads, move || wake()));
+        self.live = Some(Live::new(inputs, grid, core, host_bytes, threads, move || wake()));
         // What is under way on the device goes on under the same order.
         let old = self.scene.take().expect("there is always one");
         let (visibility, order) = (old.visibility(), old.order);

@@ -17,7 +17,6 @@ use lasray::render::sight::sight;
 use lasray::section::Columns;
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::stream::bins::Budget;
-use lasray::stream::builds::Builds;
 use lasray::stream::live::{Live, Status};
 use lasray::stream::pool::Access;
 use lasray::stream::residency::{Shown, Sight};
@@ -90,15 +89,8 @@ impl World {
         let Opening { inputs, grid, core, about } =
             load::open(paths, &options(), &mut Problems::default()).unwrap();
         assert!(matches!(about.placement, Placement::AsIs));
-        let builds = |bytes| {
-            let mut builds = Builds::new(grid, bytes);
-            for input in inputs {
-                builds.add(input.input, input.bounds, input.reach, input.in_nodes);
-            }
-            builds
-        };
         World {
-            live: Live::new(builds, grid, core, means.host_bytes, means.threads, || ()),
+            live: Live::new(inputs, grid, core, means.host_bytes, means.threads, || ()),
             scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, CELL).unwrap(),
             grid,
             bounds: about.bounds,
