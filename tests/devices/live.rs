@@ -30,7 +30,7 @@ use std::time::{Duration, Instant};
 const CELL: f64 = 0.25;
 
 /// Four tiles of the town, compressed and not.
-fn tiles(folder: &Path) -> Vec<PathBuf> {
+pub(super) fn tiles(folder: &Path) -> Vec<PathBuf> {
     let tile = |k: i32| {
         let corner = [-160.0 + 160.0 * f64::from(k % 2), -160.0 + 160.0 * f64::from(k / 2)];
         scene::town(folder, ["a.las", "b.laz", "c.laz", "d.las"][k as usize], corner, 160.0)
@@ -65,46 +65,61 @@ fn all_sections(paths: &[PathBuf]) -> HashMap<SectionKey, Vec<u32>> {
 }
 
 /// What is live of some files.
-struct World {
-    live: Live,
-    scene: Scene,
-    grid: Grid,
-    bounds: Bounds,
+pub(super) struct World {
+    pub live: Live,
+    pub scene: Scene,
+    pub grid: Grid,
+    pub bounds: Bounds,
+    pub placement: Placement,
     colors: ColorTable,
     summary: AttributeSummary,
 }
 
 /// Memory and threads.
 #[derive(Clone, Copy)]
-struct Means {
-    host_bytes: u64,
-    device_bytes: u64,
-    threads: usize,
+pub(super) struct Means {
+    pub host_bytes: u64,
+    pub device_bytes: u64,
+    pub threads: usize,
 }
 
-const PLENTY: Means = Means { host_bytes: 1 << 30, device_bytes: 1 << 30, threads: 2 };
+pub(super) const PLENTY: Means = Means { host_bytes: 1 << 30, device_bytes: 1 << 30, threads: 2 };
 
 impl World {
     fn open(gpu: &Gpu, paths: &[PathBuf], means: Means, access: Access, visibility: Visibility) -> World {
+        World::with_cell(gpu, paths, CELL, means, access, visibility)
+    }
+
+    /// `cell`: side of a finest one.
+    pub fn with_cell(
+        gpu: &Gpu,
+        paths: &[PathBuf],
+        cell: f64,
+        means: Means,
+        access: Access,
+        visibility: Visibility,
+    ) -> World {
+        let options = LoadOptions { cell: Some(cell), ..options() };
         let Opening { inputs, grid, core, about } =
-            load::open(paths, &options(), &mut Problems::default()).unwrap();
-        assert!(matches!(about.placement, Placement::AsIs));
+            load::open(paths, &options, &mut Problems::default()).unwrap();
         World {
             live: Live::new(inputs, grid, core, means.host_bytes, means.threads, || ()),
-            scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, CELL).unwrap(),
+            scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, grid.cell())
+                .unwrap(),
             grid,
             bounds: about.bounds,
+            placement: about.placement,
             colors: ColorTable::new(about.color, &about.summary, None, None).unwrap(),
             summary: about.summary,
         }
     }
 
-    fn sight(&self, camera: &Camera, detail: f64) -> Sight {
+    pub fn sight(&self, camera: &Camera, detail: f64) -> Sight {
         sight(camera, SIZE, [1.0, 0.0], self.bounds.min.z - 10.0, detail).unwrap()
     }
 
     /// Until all is there that `sight` wants.
-    fn complete(&mut self, sight: &Sight) -> Status {
+    pub fn complete(&mut self, sight: &Sight) -> Status {
         let start = Instant::now();
         loop {
             let tick = self.live.tick(&mut self.scene, sight, 2 << 20).unwrap();
@@ -119,7 +134,7 @@ impl World {
     }
 
     /// What is shown is what all points make of it.
-    fn check(&mut self, all: &HashMap<SectionKey, Vec<u32>>) {
+    pub fn check(&mut self, all: &HashMap<SectionKey, Vec<u32>>) {
         let shown = self.live.shown().to_vec();
         let own = |(at, from): &&Shown| at == from;
         for (key, _) in shown.iter().filter(own) {
@@ -137,7 +152,7 @@ impl World {
         }
     }
 
-    fn picture(&mut self, camera: &Camera) -> Image {
+    pub fn picture(&mut self, camera: &Camera) -> Image {
         let anchor = Height::from_units(self.bounds.center().z).unwrap();
         let mut renderer = Renderer::new(&self.scene, self.grid, anchor).unwrap();
         let table = renderer.table_of(&self.scene, self.live.shown());
@@ -169,7 +184,7 @@ fn what_is_seen_is_made_of_all_points() {
             let all = all_sections(&paths);
             let mut world = World::open(&gpu, &paths, PLENTY, Access::StorageBuffer, BRIDGED());
             let mut levels = [0; 8];
-            for camera in cameras(&super::town()) {
+            for camera in cameras(&super::town().bounds) {
                 for detail in [1.0, 0.3] {
                     let sight = world.sight(&camera, detail);
                     let status = world.complete(&sight);
@@ -193,7 +208,7 @@ fn pictures_do_not_depend_on_means() {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let mut paths = tiles(folder.path());
-        let cameras = cameras(&super::town());
+        let cameras = cameras(&super::town().bounds);
         let pictures = |paths: &[PathBuf], means| -> Vec<Image> {
             let mut world = World::open(&gpu, paths, means, Access::Address, BRIDGED());
             let picture = |camera: &Camera| {
@@ -224,7 +239,7 @@ fn finest_cells_give_the_picture_of_everything() {
         let mut whole = data.scene(&gpu, Access::Address, MEASURED());
         let mut renderer = data.renderer(&whole);
         let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, MEASURED());
-        for camera in cameras(&super::town()) {
+        for camera in cameras(&super::town().bounds) {
             let sight = world.sight(&camera, 0.0);
             world.complete(&sight);
             let (a, b) =

@@ -2,6 +2,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod cut;
 mod derived;
 mod live;
 #[path = "../common/scene.rs"]
@@ -11,7 +12,7 @@ mod story;
 use common::{LAVAPIPE, ORDERS, SWIFTSHADER, Setup};
 use lasray::attribute::{ClassMask, ColorMode, ColorTable};
 use lasray::gpu::{Edge, Gpu};
-use lasray::render::camera::{Camera, Projection};
+use lasray::render::camera::{Bounds, Camera, Projection};
 use lasray::render::frame::{Traversal, View};
 use lasray::render::image::Image;
 use lasray::stream::pool::Access;
@@ -30,17 +31,17 @@ fn town() -> Data {
 }
 
 /// Over the whole, from the ground, down, from afar, and parallel.
-fn cameras(data: &Data) -> Vec<Camera> {
-    let (b, wide) = (data.bounds, Projection::default());
+fn cameras(b: &Bounds) -> Vec<Camera> {
+    let wide = Projection::default();
     let center = b.center();
     let ground = center.with_z(b.min.z + 12.0);
     let parallel = Projection::Orthographic { units_per_pixel: 0.9 };
     vec![
-        Camera::frame(&b, [30.0, 35.0], wide, SIZE).unwrap(),
+        Camera::frame(b, [30.0, 35.0], wide, SIZE).unwrap(),
         Camera::look_at(ground, ground + glam::DVec3::new(-9.0, 31.0, -2.0), wide).unwrap(),
-        Camera::frame(&b, [0.0, 90.0], wide, SIZE).unwrap(),
+        Camera::frame(b, [0.0, 90.0], wide, SIZE).unwrap(),
         Camera::orbit(center, [250.0, 8.0], 50_000.0, Projection::Perspective { fov: 0.25 }).unwrap(),
-        Camera::frame(&b, [300.0, 20.0], parallel, SIZE).unwrap(),
+        Camera::frame(b, [300.0, 20.0], parallel, SIZE).unwrap(),
     ]
 }
 
@@ -50,7 +51,7 @@ fn pictures(gpu: &Gpu, data: &Data, access: Access, traversal: Traversal) -> Vec
     for visibility in [MEASURED(), BRIDGED()] {
         let mut scene = data.scene(gpu, access, visibility);
         let mut renderer = data.renderer(&scene);
-        for camera in &cameras(data) {
+        for camera in &cameras(&data.bounds) {
             let view = if visibility.bridge == 0 { data.exact(camera, SIZE) } else { data.lit(camera, SIZE) };
             images.push(renderer.draw(&mut scene, &View { traversal, ..view }).unwrap());
         }
@@ -99,7 +100,7 @@ fn both_ways_into_the_pool_give_the_same_pictures() {
 fn columns_carry_what_a_picture_asks_for() {
     common::run("columns_carry_what_a_picture_asks_for", LAVAPIPE, |setup| {
         let (gpu, data) = (setup.gpu(), town());
-        let camera = &cameras(&data)[0];
+        let camera = &cameras(&data.bounds)[0];
         let of = |mode| ColorTable::new(mode, &data.summary, None, None).unwrap();
         let (rgb, intensity, returns) = (of(ColorMode::Rgb), of(ColorMode::Intensity), of(ColorMode::Return));
         let draw = |scene: &mut Scene, colors: &ColorTable| {
@@ -165,7 +166,7 @@ fn a_resting_camera_copies_nothing_and_no_version_is_copied_twice() {
         let (gpu, data) = (setup.gpu(), town());
         let mut scene = data.scene(&gpu, Access::Address, BRIDGED());
         let mut renderer = data.renderer(&scene);
-        let camera = &cameras(&data)[0];
+        let camera = &cameras(&data.bounds)[0];
         let payloads: u64 = data.sections.iter().map(|(_, packed)| 4 * packed.words.len() as u64).sum();
         let first = scene.counters();
         assert_eq!((first.section_bytes, first.sections), (payloads, data.sections.len() as u64));
