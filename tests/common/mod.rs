@@ -42,19 +42,21 @@ pub struct Setup {
     pub driver: Driver,
     /// Order of the layer that shows two queue families; `None`: the driver as it is.
     pub two_queues: Option<&'static str>,
+    /// Files that a disk fails to read: a part of their paths, and the first byte of those that fail.
+    pub failing: Option<(&'static str, u64)>,
 }
 
 /// The reference driver as it is.
-pub const LAVAPIPE: Setup = Setup { driver: Driver::Lavapipe, two_queues: None };
+pub const LAVAPIPE: Setup = Setup { driver: Driver::Lavapipe, two_queues: None, failing: None };
 /// The second driver as it is.
-pub const SWIFTSHADER: Setup = Setup { driver: Driver::SwiftShader, two_queues: None };
+pub const SWIFTSHADER: Setup = Setup { driver: Driver::SwiftShader, two_queues: None, failing: None };
 /// A machine without a driver.
-pub const NO_DRIVER: Setup = Setup { driver: Driver::None, two_queues: None };
+pub const NO_DRIVER: Setup = Setup { driver: Driver::None, two_queues: None, failing: None };
 /// Two queue families on the reference driver, in the three orders.
 pub const ORDERS: [Setup; 3] = [with_order("eager"), with_order("late1"), with_order("late0")];
 
 const fn with_order(order: &'static str) -> Setup {
-    Setup { driver: Driver::Lavapipe, two_queues: Some(order) }
+    Setup { driver: Driver::Lavapipe, two_queues: Some(order), failing: None }
 }
 
 impl Setup {
@@ -138,6 +140,11 @@ fn environment(setup: Setup) -> Option<Vec<(&'static str, String)>> {
         set.push(("TWO_QUEUES", order.to_owned()));
         layers.push(two_queues_manifest());
     }
+    if let Some((path, from)) = setup.failing {
+        set.push(("LD_PRELOAD", library("failing_disk").to_string_lossy().into_owned()));
+        set.push(("FAILING_DISK", path.to_owned()));
+        set.push(("FAILING_DISK_FROM", from.to_string()));
+    }
     let variable = if layers.len() == usize::from(setup.two_queues.is_some()) {
         "VK_ADD_LAYER_PATH"
     } else {
@@ -179,11 +186,15 @@ fn newer_layer() -> Option<PathBuf> {
 }
 
 fn two_queues_manifest() -> PathBuf {
-    // Cargo builds it beside the test binary, as a dependency of it.
-    let library = format!("{}two_queues{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX);
-    let library = env::current_exe().unwrap().with_file_name(library);
+    manifest("VK_LAYER_TEST_two_queues", &library("two_queues"), &[])
+}
+
+/// A library for tests: cargo builds it beside the test binary, as a dependency of it.
+fn library(name: &str) -> PathBuf {
+    let file = format!("{}{name}{}", env::consts::DLL_PREFIX, env::consts::DLL_SUFFIX);
+    let library = env::current_exe().unwrap().with_file_name(file);
     assert!(library.is_file(), "{} is missing: `cargo test` builds it", library.display());
-    manifest("VK_LAYER_TEST_two_queues", &library, &[])
+    library
 }
 
 /// Writes the manifest of a layer into a folder of its own; returns the folder.

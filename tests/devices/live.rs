@@ -49,7 +49,7 @@ fn options() -> LoadOptions {
 }
 
 /// Every section of every level, words as they are uploaded, from all points of `paths`.
-fn all_sections(paths: &[PathBuf]) -> HashMap<SectionKey, Vec<u32>> {
+pub(super) fn all_sections(paths: &[PathBuf]) -> HashMap<SectionKey, Vec<u32>> {
     let loaded = load::paths(paths, &options(), &mut Problems::default()).unwrap();
     let mut words = HashMap::new();
     let mut level: HashMap<SectionKey, Columns> = loaded.sections.into_iter().collect();
@@ -86,7 +86,7 @@ pub(super) struct Means {
 pub(super) const PLENTY: Means = Means { host_bytes: 1 << 30, device_bytes: 1 << 30, threads: 2 };
 
 impl World {
-    fn open(gpu: &Gpu, paths: &[PathBuf], means: Means, access: Access, visibility: Visibility) -> World {
+    pub fn open(gpu: &Gpu, paths: &[PathBuf], means: Means, access: Access, visibility: Visibility) -> World {
         World::with_cell(gpu, paths, CELL, means, access, visibility)
     }
 

@@ -4,6 +4,7 @@
 mod common;
 mod cut;
 mod derived;
+mod faults;
 mod live;
 #[path = "../common/scene.rs"]
 mod scene;
