@@ -156,6 +156,7 @@ fn tracing(c: &mut Criterion) {
         placement: PlacementOptions::default(),
         rgb_bits: None,
         budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 30 },
+        cache: None,
         quiet: true,
     };
     let loaded = load::paths(&[path], &options, &mut Problems::default()).expect("loaded");

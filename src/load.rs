@@ -7,8 +7,11 @@ use crate::problems::Problems;
 use crate::render::camera::Bounds;
 use crate::sample::{self, FileSample, Opened, RgbDepth};
 use crate::section::Columns;
+use crate::source::known::{Known, Told};
+use crate::source::lax::{self, LaxError};
+use crate::source::learned::Cache;
 use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
-use crate::source::{crs::Crs, crs::Unit, inputs};
+use crate::source::{LidarFile, crs::Crs, crs::Unit, inputs};
 use crate::stream::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::stream::builds::OpenInput;
 use crate::stream::workers::{Input, Progress, read_all};
@@ -32,6 +35,8 @@ pub struct LoadOptions {
     pub rgb_bits: Option<u8>,
     /// Memory.
     pub budget: Budget,
+    /// Where it is kept what was learned of files; `None`: neither read nor written.
+    pub cache: Option<Cache>,
     /// No progress.
     pub quiet: bool,
 }
@@ -199,6 +204,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
             problems.warn(format!("{path}: holds no points"));
         }
     }
+    look_up(&mut opened, options.cache.as_ref(), problems);
     // What is said of the whole names the file where there is but one.
     let subject = match &opened[..] {
         [] => return Err(LoadError::Nothing("no input could be read")),
@@ -245,9 +251,16 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
                 (_, Some(_)) => RgbDepth::Sixteen,
                 (chosen, None) => chosen,
             };
-            let FileSample { bounds, reach, in_nodes, .. } = sample.files[index];
+            let FileSample { bounds, reach, in_nodes, contradicted, .. } = sample.files[index];
+            let known = match contradicted {
+                None => opened.known,
+                Some(told) => {
+                    disbelieve(&opened.file, told, options.cache.as_ref(), problems);
+                    Known::default()
+                }
+            };
             let input = Input { file: opened.file, placement, rgb };
-            inputs.push(OpenInput { input, bounds, reach, in_nodes });
+            inputs.push(OpenInput { input, bounds, reach, in_nodes, known });
         }
     }
     let color = ColorMode::auto(&sample.attributes);
@@ -264,6 +277,34 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         cell,
     };
     Ok(Opening { inputs, grid: grid(cell, &bounds)?, core: core(cell, &bounds), about })
+}
+
+/// What was learned before, and what spatial indices tell.
+fn look_up(opened: &mut [Opened], cache: Option<&Cache>, problems: &mut Problems) {
+    let found = sample::parallel(opened.len(), |_, index| {
+        let file = &opened[index].file;
+        let mut known = cache.map_or_else(Known::default, |cache| cache.load(file));
+        let index = if known.is_whole(file) { Ok(Known::default()) } else { lax::look_up(file) };
+        file.bytes.release();
+        let error = index.map(|index| known.fill_from(index)).err();
+        (known, error)
+    });
+    for (opened, (known, error)) in opened.iter_mut().zip(found) {
+        opened.known = known;
+        match error {
+            Some(error @ LaxError::Older { .. }) => problems.note(error),
+            Some(error) => problems.warn(error),
+            None => {}
+        }
+    }
+}
+
+/// Bounds that are wrong are said to be, and not kept.
+fn disbelieve(file: &LidarFile, told: Told, cache: Option<&Cache>, problems: &mut Problems) {
+    if let (Told::Cache, Some(cache)) = (told, cache) {
+        cache.forget(file);
+    }
+    problems.warn(format!("{}: {}", file.path().display(), told.contradicted()));
 }
 
 /// The embedded scene: the synthetic town, made in memory.

@@ -21,6 +21,7 @@ pub use rgb::RgbDepth;
 use crate::attribute::{AttributeSummary, Spread};
 use crate::coords::Height;
 use crate::source::crs::{self, Crs, CrsError};
+use crate::source::known::{Known, Told};
 use crate::source::placement::{FileFacts, Placement, PlacementOptions, World};
 use crate::source::{Decoder, FLAG_WITHHELD, LidarFile, PointBlock, SourceError};
 use glam::DVec3;
@@ -79,6 +80,8 @@ pub struct Opened {
     pub crs: Option<Crs>,
     /// Definitions that had to be passed over.
     pub crs_errors: Vec<CrsError>,
+    /// What is known of where its chunks lie, beside what it says itself: nothing, unless somebody has looked.
+    pub known: Known,
 }
 
 /// Opens every path on all cores; results in the order of `paths`. Handles are released again: thousands
@@ -88,7 +91,7 @@ pub fn open_all(paths: &[PathBuf]) -> Vec<Result<Opened, SourceError>> {
         let file = LidarFile::open(path)?;
         let (crs, crs_errors) = crs::of_file(&file)?;
         file.bytes.release();
-        Ok(Opened { file, crs, crs_errors })
+        Ok(Opened { file, crs, crs_errors, known: Known::default() })
     };
     parallel(paths.len(), |_, index| open(&paths[index]))
 }
@@ -104,6 +107,8 @@ pub struct FileSample {
     pub reach: Option<Bounds>,
     /// Points lie in the nodes that a COPC hierarchy has them in, as far as the sample says.
     pub in_nodes: bool,
+    /// Who is wrong about where its chunks lie, as far as the sample says.
+    pub contradicted: Option<Told>,
 }
 
 /// The opening sample's decisions.
@@ -185,6 +190,11 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
     let heads_seen = read_places(files, &heads, &mut Vec::new());
     let in_nodes: Vec<bool> =
         (0..files.len()).map(|index| in_nodes(&files[index].file, &firsts[index])).collect();
+    let contradicted: Vec<Option<Told>> = files
+        .iter()
+        .zip(&firsts)
+        .map(|(opened, firsts)| opened.known.contradicted(&opened.file, firsts.iter().map(|seen| seen.raw)))
+        .collect();
     // A set that is read whole has its first points among the others.
     let firsts = if whole { vec![Vec::new(); files.len()] } else { firsts };
     let rgb = rgb::decide(files, &rgb_of(files, &drawn, &firsts, &places, &seen, whole));
@@ -276,8 +286,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
             .zip(rgb)
             .zip(&bounds)
             .map(|((index, rgb), &bounds)| {
-                let (reach, in_nodes) = (reach(index), in_nodes[index]);
-                FileSample { rgb, bounds, reach, in_nodes }
+                let (reach, in_nodes, contradicted) = (reach(index), in_nodes[index], contradicted[index]);
+                FileSample { rgb, bounds, reach, in_nodes, contradicted }
             })
             .collect(),
         problems,

@@ -35,6 +35,7 @@ fn check(paths: &[PathBuf], cell: Option<f64>, mix_crs: bool) -> Result<Option<u
         placement: PlacementOptions { mix_crs, z_unit: None },
         rgb_bits: None,
         budget: Budget { host_bytes: 32 << 20, device_bytes: 64 << 20 },
+        cache: None,
         quiet: true,
     };
     let before = ALLOCATOR.current_usage();

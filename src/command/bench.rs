@@ -251,6 +251,7 @@ fn load_options(args: &Args) -> LoadOptions {
         rgb_bits: None,
         // Nothing is coarsened: cells are what is compared.
         budget: Budget { host_bytes: u64::MAX, device_bytes: u64::MAX },
+        cache: None,
         quiet: args.quiet,
     }
 }

@@ -253,7 +253,7 @@ fn gather(args: &Args) -> Report {
 }
 
 fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
-    let Opened { file, crs, crs_errors } = opened;
+    let Opened { file, crs, crs_errors, .. } = opened;
     let header = &file.header;
     let bounds = Bounds::new(header.min, header.max).filter(|_| file.points() > 0);
     let density = sample.files[index].bounds.and_then(|bounds| {

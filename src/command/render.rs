@@ -17,6 +17,7 @@ use crate::render::whole_file::write_whole;
 use crate::section::{Columns, Packed};
 use crate::source::crs::Unit;
 use crate::source::inputs;
+use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::{Budget, Core};
 use crate::stream::builds::OpenInput;
@@ -143,6 +144,9 @@ pub struct Args {
     /// Write what each picture took there: sections, bytes read, memory, detail
     #[arg(long, conflicts_with_all = ["demo", "each"], help_heading = "Data", value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Neither use nor keep what was learned of files in the user's cache folder
+    #[arg(long, help_heading = "Data")]
+    no_cache: bool,
     /// Bytes of device memory for sections
     #[arg(long, default_value = "1GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
     device_memory: u64,
@@ -306,6 +310,11 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
     if (1.0..9e18).contains(&value) { Ok(value as u64) } else { Err(wrong()) }
 }
 
+/// Where it is kept what was learned of files.
+fn cache(args: &Args) -> Option<Cache> {
+    if args.no_cache { None } else { Cache::of_user() }
+}
+
 /// Bytes that sections may take on the device: what was asked for, and what it has beside the picture.
 fn device_budget(gpu: &Gpu, args: &Args) -> u64 {
     args.device_memory.min(gpu.info().memory_bytes / 8 * 7)
@@ -333,6 +342,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
             // Pages of the pool do not fill up to the last byte.
             device_bytes: device_budget(&gpu, &args) - device_budget(&gpu, &args) / 8,
         },
+        cache: cache(&args),
         quiet: args.quiet,
     };
     if let Some(size) = args.size {
@@ -621,7 +631,11 @@ fn draw(
         Content::Live(inputs, core) => {
             let points = inputs.iter().map(|input| input.input.file.points()).sum();
             let host_bytes = args.host_memory;
-            (Some(Live::new(inputs, grid, core, host_bytes, load::threads(), || ())), points, 0)
+            let live = Live::new(inputs, grid, core, host_bytes, load::threads(), || ());
+            if let Some(cache) = cache(args) {
+                live.keep_learned(cache);
+            }
+            (Some(live), points, 0)
         }
     };
 
@@ -675,6 +689,7 @@ fn draw(
                 let now = fill(live, &mut scene, &sight, args)?;
                 live.pause(true);
                 live.take_errors().iter().for_each(|error| problems.error(error));
+                live.take_warnings().iter().for_each(|warning| problems.warn(warning));
                 if now.coarser > 1.0 && status.is_none_or(|before: Status| before.coarser < now.coarser) {
                     problems.warn(format!(
                         "detail is reduced: cells may cover {:.1} times as many pixels, for lack of device memory (--device-memory)",

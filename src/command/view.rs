@@ -7,6 +7,7 @@ use crate::gpu::{GpuError, GpuOptions};
 use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
 use crate::render::path::CameraPath;
 use crate::source::crs::Unit;
+use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
 use crate::stream::scene::Visibility;
 use crate::view;
@@ -73,6 +74,9 @@ pub struct Args {
     /// Bits of the RGB fields, where the choice from the data is wrong
     #[arg(long, value_parser = ["8", "16"], help_heading = "Data")]
     rgb_bits: Option<String>,
+    /// Neither use nor keep what was learned of files in the user's cache folder
+    #[arg(long, help_heading = "Data")]
+    no_cache: bool,
     /// Bytes of device memory for sections
     #[arg(long, default_value = "1GiB", value_parser = render::bytes, help_heading = "Data", value_name = "BYTES")]
     device_memory: u64,
@@ -121,6 +125,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         host_bytes: args.host_memory,
         device_bytes: args.device_memory,
         visibility: Visibility { classes, withheld: false, bridge: 4 },
+        cache: if args.no_cache { None } else { Cache::of_user() },
     };
     let options = view::Options {
         inputs: args.inputs,

@@ -73,6 +73,11 @@ impl FileBytes {
         self.len
     }
 
+    /// When it had been changed last, where the system tells.
+    pub fn modified(&self) -> Option<SystemTime> {
+        self.modified
+    }
+
     /// Whether it held no bytes.
     pub fn is_empty(&self) -> bool {
         self.len == 0

@@ -89,12 +89,16 @@ impl Decoder {
         }
     }
 
+    /// Of how many chunks [`Decoder::first_points`] takes one.
+    pub fn stride_of_firsts(file: &LidarFile, most: usize) -> usize {
+        file.chunks.len().div_ceil(most.clamp(1, BLOCK_RECORDS)).max(1)
+    }
+
     /// The first points of at most `most` chunks (at most [`BLOCK_RECORDS`]) at an even stride, in file
     /// order: LAZ stores them raw, so nothing is decompressed. The block's `first_record` means nothing.
     pub fn first_points(&mut self, file: &LidarFile, most: usize) -> Result<&PointBlock, SourceError> {
-        let most = most.clamp(1, BLOCK_RECORDS);
         let layout = RecordLayout::of(&file.header);
-        let stride = file.chunks.len().div_ceil(most).max(1);
+        let stride = Decoder::stride_of_firsts(file, most);
         let handle = file.bytes.handle()?;
         // Records may be 64 KiB long: only their heads are kept.
         let head = layout.head();

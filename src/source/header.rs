@@ -37,6 +37,8 @@ pub struct FileHeader {
 /// What [`read`] found, with what only the walk over the records needs.
 pub(super) struct Parsed {
     pub header: FileHeader,
+    /// Its bytes, as far as the longest kind reaches.
+    pub raw: Vec<u8>,
     /// Where the variable length records begin.
     pub vlr_start: u64,
     pub vlr_count: u64,
@@ -160,6 +162,7 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
         warnings.push(Warning::Bounds);
     }
     Ok(Parsed {
+        raw: start[..have].to_vec(),
         header: FileHeader {
             version: (major, minor),
             format,

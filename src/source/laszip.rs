@@ -16,6 +16,8 @@ pub(super) struct Laszip {
     pub chunk_size: Option<u64>,
     /// The parts of a record, in order.
     pub items: Vec<LazItem>,
+    /// First byte and count of extended records that were appended to the file.
+    pub special_evlrs: Option<(u64, u64)>,
 }
 
 /// How chunks are laid out.
@@ -63,7 +65,11 @@ impl Laszip {
         let vlr = LazVlr::from_buffer(&raw).map_err(|e| bad(e.to_string()))?;
         check_items(vlr.items(), header, compressor).map_err(bad)?;
         let chunk_size = (!vlr.uses_variable_size_chunks()).then(|| vlr.chunk_size().into());
-        Ok(Laszip { compressor, chunk_size, items: vlr.items().clone() })
+        let long = |at: usize| i64::from_le_bytes(raw[at..at + 8].try_into().unwrap());
+        // -1: none.
+        let special = u64::try_from(long(24)).ok().zip(u64::try_from(long(16)).ok());
+        let special_evlrs = special.filter(|(start, count)| *start > 0 && *count > 0);
+        Ok(Laszip { compressor, chunk_size, items: vlr.items().clone(), special_evlrs })
     }
 }
 

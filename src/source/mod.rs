@@ -15,8 +15,11 @@ mod error;
 mod fields;
 mod header;
 pub mod inputs;
+pub mod known;
 mod laszip;
+pub mod lax;
 mod layers;
+pub mod learned;
 pub mod placement;
 mod stream;
 mod vlr;
@@ -113,6 +116,8 @@ pub struct LidarFile {
     laszip: Option<laszip::Laszip>,
     /// The last chunk's count is an upper bound: it ends with its bytes.
     open_end: bool,
+    /// Of its header and its chunks.
+    digest: u64,
 }
 
 impl LidarFile {
@@ -145,8 +150,10 @@ impl LidarFile {
             warnings,
             laszip: None,
             open_end: false,
+            digest: 0,
         };
         file.index_chunks()?;
+        file.digest = learned::digest(&parsed.raw, &file.chunks);
         file.bytes.release();
         Ok(file)
     }
@@ -160,6 +167,11 @@ impl LidarFile {
             return Ok(());
         }
         let laszip = laszip::Laszip::read(&self.bytes, &self.vlrs, &self.header)?;
+        if let Some((start, claimed)) = laszip.special_evlrs {
+            // Records that LAStools has appended, of which the header does not know.
+            let walk = vlr::Walk { extended: true, start, claimed, end: self.bytes.len() };
+            walk.run(&self.bytes, &mut self.vlrs, &mut self.warnings)?;
+        }
         let laszip = self.laszip.insert(laszip);
         if let Some(info) = self.vlrs.iter().find(|v| v.is("copc", 1))
             && laszip.compressor == laszip::Compressor::Layered
@@ -195,6 +207,11 @@ impl LidarFile {
     pub fn chunk_bounds(&self, chunk: &Chunk) -> Option<[DVec3; 2]> {
         let copc = self.copc.as_ref()?;
         copc.nodes.get(chunk.index as usize).map(|&key| copc.bounds(key))
+    }
+
+    /// Tells this file from another one of the same size: of its header and of where its chunks lie.
+    pub fn digest(&self) -> u64 {
+        self.digest
     }
 
     /// The first variable length record of that name, extended or not.

@@ -11,6 +11,7 @@ use super::workers::Input;
 use crate::coords::{Grid, SectionKey};
 use crate::sample::Bounds;
 use crate::source::SourceError;
+use crate::source::known::{Known, RawBounds, Told};
 use crate::source::placement::Placement;
 use glam::DVec3;
 use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
@@ -32,6 +33,8 @@ pub struct OpenInput {
     pub reach: Option<Bounds>,
     /// Points lie in the nodes that a COPC hierarchy has them in.
     pub in_nodes: bool,
+    /// What else is known of where its chunks lie.
+    pub known: Known,
 }
 
 /// A file as it is read here.
@@ -50,13 +53,17 @@ pub struct Source {
     first: u32,
     /// Chunks of it that are being read.
     busy: u32,
+    /// More was learned of its chunks than has been handed out.
+    has_news: bool,
 }
 
 /// What is known of a chunk.
 struct Chunk {
     source: u32,
-    /// Cells that hold its points, where that is known.
-    cells: Option<Cells>,
+    /// Cells that hold its points, where that is known, and who says so.
+    cells: Option<(Told, Cells)>,
+    /// Bounds of its points, learned by reading them or before.
+    learned: Option<RawBounds>,
     busy: bool,
     /// It was read, whole or not: what it lacks stays away.
     broken: bool,
@@ -96,8 +103,8 @@ pub struct Job {
 /// What came of a job.
 #[derive(Default)]
 pub struct Outcome {
-    /// Cells that hold the chunk's points, if that could be learned.
-    pub cells: Option<Cells>,
+    /// Bounds of the points that were read.
+    pub bounds: Option<RawBounds>,
     /// Why it was not read whole.
     pub error: Option<SourceError>,
     /// Points read.
@@ -139,7 +146,11 @@ pub struct Builds {
     /// Finished, on their way to whoever wanted them.
     out: HashSet<SectionKey>,
     errors: Vec<String>,
+    /// What is no error, but not as it should be.
+    warnings: Vec<String>,
     corrected: Vec<usize>,
+    /// Files of which wrong bounds were kept.
+    forgotten: Vec<usize>,
     progress: Progress,
 }
 
@@ -162,6 +173,17 @@ pub fn placed(placement: &Placement, [low, high]: [DVec3; 2]) -> Option<[DVec3; 
     Some([a.min(b), a.max(b)])
 }
 
+/// The cells of a chunk's bounds.
+fn cells_of_raw(grid: &Grid, input: &Input, bounds: &RawBounds) -> Option<Cells> {
+    let [low, high] = placed(&input.placement, bounds.unpacked(&input.file.header))?;
+    cells_of(grid, low, high)
+}
+
+/// Whether some cells of `inner` are none of `outer`.
+fn reaches_out(inner: Cells, outer: Cells) -> bool {
+    (0..2).any(|axis| inner[0][axis] < outer[0][axis] || inner[1][axis] > outer[1][axis])
+}
+
 impl Builds {
     /// Nothing yet, on `grid`. `budget_bytes`: of sections that are being made.
     pub fn new(grid: Grid, budget_bytes: u64) -> Builds {
@@ -176,13 +198,15 @@ impl Builds {
             finished: VecDeque::new(),
             out: HashSet::new(),
             errors: Vec::new(),
+            warnings: Vec::new(),
             corrected: Vec::new(),
+            forgotten: Vec::new(),
             progress: Progress::default(),
         }
     }
 
     /// Adds a file; gives its number.
-    pub fn add(&mut self, OpenInput { input, bounds, reach, in_nodes }: OpenInput) -> usize {
+    pub fn add(&mut self, OpenInput { input, bounds, reach, in_nodes, known }: OpenInput) -> usize {
         let grid = self.grid;
         let extent = bounds.and_then(|b| {
             let [low, high] = cells_of(&grid, b.min, b.max)?;
@@ -193,11 +217,16 @@ impl Builds {
         let file = &input.file;
         self.progress.points += file.points();
         for chunk in &file.chunks {
-            let bounds = file.chunk_bounds(chunk).filter(|_| in_nodes);
-            let cells = bounds.and_then(|bounds| placed(&input.placement, bounds));
-            let cells = cells.and_then(|[low, high]| cells_of(&grid, low, high)).map(around);
-            self.progress.chunks_known += u64::from(cells.is_some());
-            self.chunks.push(Chunk { source: source as u32, cells, busy: false, broken: false });
+            let known = known.of(chunk);
+            let node = || {
+                let bounds = file.chunk_bounds(chunk).filter(|_| in_nodes)?;
+                let [low, high] = placed(&input.placement, bounds)?;
+                Some((Told::File, cells_of(&grid, low, high)?))
+            };
+            let cells = known.and_then(|(told, bounds)| Some((told, cells_of_raw(&grid, &input, &bounds)?)));
+            let cells = cells.or_else(node).map(|(told, cells)| (told, around(cells)));
+            let learned = known.filter(|(told, _)| *told == Told::Cache).map(|(_, bounds)| bounds);
+            self.chunks.push(Chunk { source: source as u32, cells, learned, busy: false, broken: false });
         }
         self.sources.push(Source {
             input: Arc::new(input),
@@ -207,6 +236,7 @@ impl Builds {
             lost: false,
             first,
             busy: 0,
+            has_news: false,
         });
         self.changed(source);
         source
@@ -251,7 +281,7 @@ impl Builds {
     }
 
     fn may_hold(&self, chunk: u32, key: SectionKey) -> bool {
-        self.chunks[chunk as usize].cells.is_none_or(|[low, high]| touches(key, low, high))
+        self.chunks[chunk as usize].cells.is_none_or(|(_, [low, high])| touches(key, low, high))
     }
 
     /// The files.
@@ -369,33 +399,19 @@ impl Builds {
                 self.errors.push(error.to_string());
             }
             state.broken = true;
-        } else if state.cells.is_none() && outcome.cells.is_some() {
-            self.progress.chunks_known += 1;
-            state.cells = outcome.cells;
         }
         self.sources[source].busy -= 1;
         if self.sources[source].busy == 0 {
             input.file.bytes.release();
         }
-        if let Some([low, high]) = outcome.cells {
-            let outside = |b: Cells| (0..2).any(|axis| low[axis] < b[0][axis] || high[axis] > b[1][axis]);
-            let beyond = self.sources[source].reach.is_some_and(outside);
-            if beyond || self.chunks[chunk as usize].cells.is_some_and(outside) {
-                self.errors.push(format!(
-                    "{}: points lie outside of the bounds that its header gives: all of it is looked at",
-                    input.file.path().display()
-                ));
-                self.sources[source].reach = None;
-                let of_source = self.chunks_of(source);
-                for other in &mut self.chunks[of_source.start as usize..of_source.end as usize] {
-                    other.cells = None;
-                }
-                self.changed(source);
-                self.corrected.push(source);
+        if let Some(bounds) = outcome.bounds {
+            let cells = self.compare(chunk, &bounds);
+            if !broken {
+                self.learn(chunk, bounds, cells);
             }
         }
         let gone = if lost { self.chunks_of(source) } else { chunk..chunk + 1 };
-        let cells = self.chunks[chunk as usize].cells;
+        let cells = self.chunks[chunk as usize].cells.map(|(_, cells)| cells);
         let mut touched = Vec::new();
         for (&key, build) in &mut self.builds {
             let served =
@@ -425,6 +441,87 @@ impl Builds {
         self.admit();
     }
 
+    /// Compares points of a chunk with what is believed of it: whoever is wrong is not believed any more. Gives the cells
+    /// that hold them.
+    fn compare(&mut self, chunk: u32, bounds: &RawBounds) -> Option<Cells> {
+        let source = self.chunks[chunk as usize].source as usize;
+        let cells = cells_of_raw(&self.grid, &self.sources[source].input, bounds)?;
+        // Two may be wrong.
+        while let Some(told) = self.contradicted(chunk, cells) {
+            self.disbelieve(source, told);
+        }
+        Some(cells)
+    }
+
+    /// Who says that a chunk has no points in some of these cells.
+    fn contradicted(&self, chunk: u32, cells: Cells) -> Option<Told> {
+        let state = &self.chunks[chunk as usize];
+        let of_chunk = state.cells.filter(|(_, known)| reaches_out(cells, *known)).map(|(told, _)| told);
+        let reach = self.sources[state.source as usize].reach;
+        of_chunk.or_else(|| reach.filter(|known| reaches_out(cells, *known)).map(|_| Told::File))
+    }
+
+    /// Forgets what was told of a file; what it touches is to be made anew.
+    fn disbelieve(&mut self, source: usize, told: Told) {
+        let path = self.sources[source].input.file.path().display();
+        let line = format!("{path}: {}", told.contradicted());
+        match told {
+            Told::File | Told::Points => self.errors.push(line),
+            Told::Index | Told::Cache => self.warnings.push(line),
+        }
+        if told == Told::File {
+            self.sources[source].reach = None;
+        }
+        let of_source = self.chunks_of(source);
+        for chunk in &mut self.chunks[of_source.start as usize..of_source.end as usize] {
+            if chunk.cells.is_some_and(|(by, _)| by == told) {
+                chunk.cells = None;
+                chunk.learned = chunk.learned.filter(|_| told != Told::Cache && told != Told::Points);
+            }
+        }
+        if told == Told::Cache {
+            self.forgotten.push(source);
+        }
+        self.changed(source);
+        self.corrected.push(source);
+    }
+
+    /// Keeps the bounds of a chunk that was read whole.
+    fn learn(&mut self, chunk: u32, bounds: RawBounds, cells: Option<Cells>) {
+        let state = &mut self.chunks[chunk as usize];
+        state.cells = cells.map(|cells| (Told::Points, cells)).or(state.cells);
+        if state.learned.replace(bounds) != Some(bounds) {
+            self.sources[state.source as usize].has_news = true;
+        }
+    }
+
+    /// Compares some points of each of these chunks of a file with what is believed.
+    pub fn saw(&mut self, source: usize, seen: &[(usize, RawBounds)]) {
+        let first = self.sources[source].first;
+        for (index, bounds) in seen {
+            self.compare(first + *index as u32, bounds);
+        }
+    }
+
+    /// Files of which something was learned since this was asked last, with all that is known of their chunks.
+    pub fn take_learned(&mut self) -> Vec<(Arc<Input>, Vec<Option<RawBounds>>)> {
+        let mut learned = Vec::new();
+        for source in 0..self.sources.len() {
+            if std::mem::take(&mut self.sources[source].has_news) {
+                let bounds =
+                    self.chunks_of(source).map(|chunk| self.chunks[chunk as usize].learned).collect();
+                learned.push((Arc::clone(&self.sources[source].input), bounds));
+            }
+        }
+        learned
+    }
+
+    /// Files of which wrong bounds were kept, since this was asked last.
+    pub fn take_forgotten(&mut self) -> Vec<Arc<Input>> {
+        let forgotten = std::mem::take(&mut self.forgotten);
+        forgotten.into_iter().map(|source| Arc::clone(&self.sources[source].input)).collect()
+    }
+
     /// The least urgent ones go.
     fn make_room(&mut self) {
         let rank: HashMap<_, _> = self.order.iter().zip(0usize..).collect();
@@ -439,7 +536,7 @@ impl Builds {
         }
     }
 
-    /// Files whose points turned out to lie elsewhere than their headers say: what they touch is to be made anew.
+    /// Files whose points turned out to lie elsewhere than was believed: what they touch is to be made anew.
     pub fn take_corrected(&mut self) -> Vec<usize> {
         std::mem::take(&mut self.corrected)
     }
@@ -447,6 +544,16 @@ impl Builds {
     /// What went wrong since this was asked last.
     pub fn take_errors(&mut self) -> Vec<String> {
         std::mem::take(&mut self.errors)
+    }
+
+    /// Whether [`Builds::take_corrected`] has something to give.
+    pub fn is_corrected(&self) -> bool {
+        !self.corrected.is_empty()
+    }
+
+    /// What is not as it should be, since this was asked last.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.warnings)
     }
 
     /// How far it is.
@@ -457,6 +564,7 @@ impl Builds {
         }
         Progress {
             chunks: self.chunks.len() as u64,
+            chunks_known: self.chunks.iter().filter(|chunk| chunk.cells.is_some()).count() as u64,
             builds: self.builds.len() as u64,
             build_bytes: self.builds.values().map(|build| build.bytes).sum(),
             lacking: lacked.into_iter().filter(|lacked| *lacked).count() as u64,

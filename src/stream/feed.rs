@@ -1,18 +1,19 @@
 //! Threads that read what is wanted: chunks into sections, finished sections into packed ones.
 
 use super::bins::{Binner, Core, Shared, lock};
-use super::builds::{Builds, Finished, Job, Outcome, Progress, cells_of, placed};
+use super::builds::{Builds, Finished, Job, Outcome, Progress};
 use super::workers::Input;
 use crate::coords::{Grid, SectionKey};
 use crate::section::Packed;
+use crate::source::known::RawBounds;
+use crate::source::learned::Cache;
 use crate::source::{Decoder, LidarFile, PointBlock};
 use crossbeam_channel::{Receiver, Sender};
-use glam::DVec3;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use thread_priority::{ThreadPriority, set_current_thread_priority};
 
 /// Packed sections that wait to be taken.
@@ -21,6 +22,8 @@ const QUEUE: usize = 16;
 const SAMPLE_POINTS: usize = 1 << 17;
 /// Most records of a chunk of LAS in the sample.
 const RECORDS_OF_A_CHUNK: u64 = 256;
+/// What was learned is kept so often: a process that is killed loses no more.
+const KEEP_EVERY: Duration = Duration::from_secs(20);
 
 /// A finished section.
 pub struct Arrival {
@@ -55,6 +58,8 @@ struct State {
     builds: Builds,
     core: Arc<Core>,
     sample: Option<Sample>,
+    /// Where it is kept what was learned, and when that was done last.
+    cache: Option<(Arc<Cache>, Instant)>,
 }
 
 struct Inner {
@@ -73,7 +78,13 @@ impl Inner {
 
 /// What a thread does next.
 enum Task {
-    Sample { input: Arc<Input>, level: u8, of_file: usize, sections: Arc<Mutex<HashMap<SectionKey, Shared>>> },
+    Sample {
+        source: usize,
+        input: Arc<Input>,
+        level: u8,
+        of_file: usize,
+        sections: Arc<Mutex<HashMap<SectionKey, Shared>>>,
+    },
     Chunk(Job),
     Pack(Finished),
 }
@@ -104,7 +115,13 @@ impl Feed {
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Feed {
         let inner = Arc::new(Inner {
-            state: Mutex::new(State { paused: false, builds, core: Arc::new(core), sample: None }),
+            state: Mutex::new(State {
+                paused: false,
+                builds,
+                core: Arc::new(core),
+                sample: None,
+                cache: None,
+            }),
             work: Condvar::new(),
             stop: AtomicBool::new(false),
             grid,
@@ -123,6 +140,11 @@ impl Feed {
     /// Points outside of these cells are left out from now on.
     pub fn set_core(&self, core: Core) {
         self.inner.lock().core = Arc::new(core);
+    }
+
+    /// Keeps what is learned of files there, now and then and at the end.
+    pub fn keep_learned(&self, cache: Cache) {
+        self.inner.lock().cache = Some((Arc::new(cache), Instant::now()));
     }
 
     /// Looks at, or changes, what is being made.
@@ -185,6 +207,12 @@ impl Drop for Feed {
         for thread in self.threads.drain(..) {
             let _ = thread.join();
         }
+        let mut state = self.inner.lock();
+        if let Some((cache, _)) = state.cache.take() {
+            let learned = state.builds.take_learned();
+            drop(state);
+            keep(&cache, &learned);
+        }
     }
 }
 
@@ -205,7 +233,8 @@ fn next(inner: &Inner) -> Option<Task> {
             sample.busy += 1;
             let input = Arc::clone(&builds.sources()[source].input);
             let sections = Arc::clone(&sample.sections);
-            return Some(Task::Sample { input, level: sample.level, of_file: sample.of_file, sections });
+            let (level, of_file) = (sample.level, sample.of_file);
+            return Some(Task::Sample { source, input, level, of_file, sections });
         }
         if let Some(finished) = builds.take_finished() {
             return Some(Task::Pack(finished));
@@ -230,9 +259,11 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 let outcome = read(&inner.grid, &core, &mut decoder, &mut binner, &job);
                 inner.lock().builds.done(job, outcome);
                 inner.work.notify_all();
+                look_after(inner);
             }
-            Task::Sample { input, level, of_file, sections } => {
+            Task::Sample { source, input, level, of_file, sections } => {
                 // What cannot be read is named when it is read for good.
+                let mut seen = Vec::new();
                 let _ = sparse(
                     (&grid_at(&inner.grid, level), level),
                     &core,
@@ -241,9 +272,11 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                     &input,
                     of_file,
                     &sections,
+                    &mut seen,
                 );
                 input.file.bytes.release();
                 let mut state = inner.lock();
+                state.builds.saw(source, &seen);
                 if let Some(sample) = &mut state.sample
                     && Arc::ptr_eq(&sample.sections, &sections)
                 {
@@ -255,6 +288,8 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                         }));
                     }
                 }
+                drop(state);
+                look_after(inner);
             }
         }
         for (Finished { key, columns, damaged, change }, sparse) in packs {
@@ -269,6 +304,30 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
     }
 }
 
+/// Forgets and keeps, where it is time.
+fn look_after(inner: &Inner) {
+    let mut state = inner.lock();
+    let State { builds, cache: Some((cache, kept)), .. } = &mut *state else { return };
+    let forgotten = builds.take_forgotten();
+    let is_time = kept.elapsed() > KEEP_EVERY;
+    let learned = if is_time { builds.take_learned() } else { Vec::new() };
+    if is_time {
+        *kept = Instant::now();
+    }
+    let cache = Arc::clone(cache);
+    drop(state);
+    forgotten.iter().for_each(|input| cache.forget(&input.file));
+    keep(&cache, &learned);
+}
+
+/// Keeps what was learned. What cannot be kept is learned again.
+fn keep(cache: &Cache, learned: &[(Arc<Input>, Vec<Option<RawBounds>>)]) {
+    let kept = learned.iter().try_for_each(|(input, bounds)| cache.save(&input.file, bounds));
+    if let Err(error) = kept.and_then(|()| if learned.is_empty() { Ok(()) } else { cache.tidy() }) {
+        tracing::debug!("what was learned of files cannot be kept: {error}");
+    }
+}
+
 /// Reads a chunk into all that lack it.
 fn read(grid: &Grid, core: &Core, decoder: &mut Decoder, binner: &mut Binner, job: &Job) -> Outcome {
     let file = &job.input.file;
@@ -280,27 +339,18 @@ fn read(grid: &Grid, core: &Core, decoder: &mut Decoder, binner: &mut Binner, jo
     let levels: Vec<_> =
         levels.into_iter().map(|(level, of_level)| (grid_at(grid, level), of_level)).collect();
     let mut outcome = Outcome::default();
-    let mut raw: Option<[[i32; 2]; 2]> = None;
+    let mut raw = RawBounds::NOTHING;
     let result = decoder.decode(file, chunk, 0..chunk.records, &mut |block: &PointBlock| {
         outcome.points += block.len() as u64;
-        for (axis, values) in [&block.x, &block.y].into_iter().enumerate() {
-            let (low, high) =
-                values.iter().fold((i32::MAX, i32::MIN), |(low, high), &v| (low.min(v), high.max(v)));
-            let raw = raw.get_or_insert([[i32::MAX; 2], [i32::MIN; 2]]);
-            raw[0][axis] = raw[0][axis].min(low);
-            raw[1][axis] = raw[1][axis].max(high);
+        for (axis, values) in [&block.x, &block.y, &block.z].into_iter().enumerate() {
+            raw.widen(axis, values);
         }
         for (grid, of_level) in &levels {
             binner
                 .bin_into(grid, core, &*job.input, block, &|key| of_level.get(&key).map(|&s| Arc::clone(s)));
         }
     });
-    let header = &file.header;
-    let in_file =
-        |[x, y]: [i32; 2]| DVec3::new(f64::from(x), f64::from(y), 0.0) * header.scale + header.offset;
-    outcome.cells = raw
-        .and_then(|[low, high]| placed(&job.input.placement, [in_file(low), in_file(high)]))
-        .and_then(|[low, high]| cells_of(grid, low, high));
+    outcome.bounds = raw.is_sound().then_some(raw);
     outcome.error = result.err();
     outcome
 }
@@ -323,7 +373,8 @@ pub fn sparse_points<'a>(files: impl Iterator<Item = &'a LidarFile> + Clone) -> 
     files.map(of_file).sum()
 }
 
-/// Reads a few points of every chunk of a file.
+/// Reads a few points of every chunk of a file; `seen`: their bounds, by chunk.
+#[expect(clippy::too_many_arguments)]
 fn sparse(
     (grid, level): (&Grid, u8),
     core: &Core,
@@ -332,19 +383,35 @@ fn sparse(
     input: &Input,
     most: usize,
     sections: &Mutex<HashMap<SectionKey, Shared>>,
+    seen: &mut Vec<(usize, RawBounds)>,
 ) -> Result<(), crate::source::SourceError> {
     let file = &input.file;
     if file.chunks.is_empty() {
         return Ok(());
     }
+    let of_chunk = sparse_of_chunk(file, most);
+    let stride = if of_chunk == 1 { Decoder::stride_of_firsts(file, most) } else { 1 };
+    let mut chunk_of_point = file.chunks.iter().enumerate().step_by(stride).flat_map(|(index, chunk)| {
+        std::iter::repeat_n(index, if of_chunk == 1 { 1 } else { of_chunk.min(chunk.records) as usize })
+    });
     let mut bin = |block: &PointBlock| {
+        for (i, index) in (0..block.len()).zip(&mut chunk_of_point) {
+            if seen.last().is_none_or(|(last, _)| *last != index) {
+                seen.push((index, RawBounds::NOTHING));
+            }
+            let (_, bounds) = seen.last_mut().expect("just pushed");
+            [block.x[i], block.y[i], block.z[i]]
+                .iter()
+                .enumerate()
+                .for_each(|(axis, v)| bounds.widen(axis, &[*v]));
+        }
         let section = |key: SectionKey| {
             let key = SectionKey { level, ..key };
             Some(Arc::clone(lock(sections).entry(key).or_default()))
         };
         binner.bin_into(grid, core, input, block, &section);
     };
-    match sparse_of_chunk(file, most) {
+    match of_chunk {
         1 => bin(decoder.first_points(file, most)?),
         of_chunk => decoder.sparse_records(file, of_chunk, &mut bin)?,
     }

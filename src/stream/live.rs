@@ -10,6 +10,7 @@ use super::scene::{Scene, Upload};
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
 use crate::section::Packed;
+use crate::source::learned::Cache;
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
@@ -257,7 +258,10 @@ impl Live {
         }
         self.ask(scene);
         self.sparse_there |= self.feed.is_sampled();
-        let complete = self.sparse_there && self.missing(scene).next().is_none();
+        // A correction that has come meanwhile takes something away that seems to be there.
+        let complete = self.sparse_there
+            && self.missing(scene).next().is_none()
+            && !self.feed.with(|builds| builds.is_corrected());
         Ok(Tick { changed, complete, stuck: self.stuck })
     }
 
@@ -519,6 +523,16 @@ impl Live {
     /// Tries the detail that was asked for again: another picture is to come.
     pub fn restore_detail(&mut self) {
         (self.coarser, self.sight) = (1.0, None);
+    }
+
+    /// Keeps what is learned of files there, now and then and at the end.
+    pub fn keep_learned(&self, cache: Cache) {
+        self.feed.keep_learned(cache);
+    }
+
+    /// What is not as it should be, but takes nothing away, since this was asked last.
+    pub fn take_warnings(&mut self) -> Vec<String> {
+        self.feed.with(Builds::take_warnings)
     }
 
     /// What went wrong since this was asked last.

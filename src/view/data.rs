@@ -8,6 +8,7 @@ use crate::render::camera::{Bounds, Camera};
 use crate::render::frame::Renderer;
 use crate::render::sight::sight;
 use crate::source::inputs;
+use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::Budget;
 use crate::stream::builds::{OpenInput, cells_of};
@@ -41,6 +42,8 @@ pub struct Options {
     pub device_bytes: u64,
     /// What is shown at first.
     pub visibility: Visibility,
+    /// Where it is kept what was learned of files.
+    pub cache: Option<Cache>,
 }
 
 /// An input file.
@@ -230,7 +233,8 @@ impl Data {
             self.counted = Instant::now();
         }
         let errors = live.take_errors();
-        self.say(errors);
+        let warnings = live.take_warnings().into_iter().map(|line| format!("warning: {line}"));
+        self.say(errors.into_iter().chain(warnings).collect());
         Ok(tick)
     }
 
@@ -279,7 +283,11 @@ impl Data {
         // Two threads are left to the frames, where there are more.
         let threads = load::threads();
         let host_bytes = self.options.host_bytes;
-        self.live = Some(Live::new(inputs, grid, core, host_bytes, threads, move || wake()));
+        let live = Live::new(inputs, grid, core, host_bytes, threads, move || wake());
+        if let Some(cache) = &self.options.cache {
+            live.keep_learned(cache.clone());
+        }
+        self.live = Some(live);
         // What is under way on the device goes on under the same order.
         let old = self.scene.take().expect("there is always one");
         let (visibility, order) = (old.visibility(), old.order);
@@ -352,6 +360,7 @@ impl Data {
                 placement: options.placement,
                 rgb_bits: options.rgb_bits,
                 budget: Budget { host_bytes: options.host_bytes, device_bytes: options.device_bytes },
+                cache: options.cache,
                 quiet: true,
             };
             let opened = load::open(&found.files, &options, &mut problems);

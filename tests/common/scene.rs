@@ -65,6 +65,7 @@ impl Data {
             placement: PlacementOptions::default(),
             rgb_bits: None,
             budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 30 },
+            cache: None,
             quiet: true,
         };
         let mut problems = Problems::default();

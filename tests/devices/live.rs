@@ -44,6 +44,7 @@ fn options() -> LoadOptions {
         placement: PlacementOptions::default(),
         rgb_bits: None,
         budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 31 },
+        cache: None,
         quiet: true,
     }
 }
