@@ -2,12 +2,13 @@
 
 use super::bins::{Binner, Core, Shared, lock};
 use super::builds::{Builds, Finished, Job, Outcome, Progress};
+use super::sparse::{self, Sparse};
 use super::workers::Input;
 use crate::coords::{Grid, SectionKey};
 use crate::section::Packed;
 use crate::source::known::RawBounds;
 use crate::source::learned::Cache;
-use crate::source::{Decoder, LidarFile, PointBlock};
+use crate::source::{Decoder, PointBlock};
 use crossbeam_channel::{Receiver, Sender};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,10 +19,6 @@ use thread_priority::{ThreadPriority, set_current_thread_priority};
 
 /// Packed sections that wait to be taken.
 const QUEUE: usize = 16;
-/// Points of the sparse sample, about.
-const SAMPLE_POINTS: usize = 1 << 17;
-/// Most records of a chunk of LAS in the sample.
-const RECORDS_OF_A_CHUNK: u64 = 256;
 /// What was learned is kept so often: a process that is killed loses no more.
 const KEEP_EVERY: Duration = Duration::from_secs(20);
 
@@ -39,16 +36,19 @@ pub struct Arrival {
     pub sparse: bool,
 }
 
+/// Sections of the sparse sample.
+type Sections = Arc<Mutex<HashMap<SectionKey, Shared>>>;
+
 /// The sparse sample, while it is taken.
 struct Sample {
     level: u8,
     /// Points wanted of a file.
-    of_file: usize,
+    most: usize,
     /// Files left, the next one last.
     left: Vec<usize>,
     /// Files that are being read.
     busy: usize,
-    sections: Arc<Mutex<HashMap<SectionKey, Shared>>>,
+    sections: Sections,
     change: u64,
 }
 
@@ -58,6 +58,8 @@ struct State {
     builds: Builds,
     core: Arc<Core>,
     sample: Option<Sample>,
+    /// What was read for it, by file: files that come and go are read for it once.
+    sparse: HashMap<usize, Arc<Sparse>>,
     /// Where it is kept what was learned, and when that was done last.
     cache: Option<(Arc<Cache>, Instant)>,
 }
@@ -82,8 +84,9 @@ enum Task {
         source: usize,
         input: Arc<Input>,
         level: u8,
-        of_file: usize,
-        sections: Arc<Mutex<HashMap<SectionKey, Shared>>>,
+        most: usize,
+        read: Option<Arc<Sparse>>,
+        sections: Sections,
     },
     Chunk(Job),
     Pack(Finished),
@@ -120,6 +123,7 @@ impl Feed {
                 builds,
                 core: Arc::new(core),
                 sample: None,
+                sparse: HashMap::new(),
                 cache: None,
             }),
             work: Condvar::new(),
@@ -159,9 +163,9 @@ impl Feed {
         let mut state = self.inner.lock();
         let sources = state.builds.sources();
         let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
-        let of_file = (SAMPLE_POINTS / left.len().max(1)).max(1);
+        let most = sparse::points_of_file(left.len());
         let change = state.builds.change();
-        state.sample = Some(Sample { level, of_file, left, busy: 0, sections: Arc::default(), change });
+        state.sample = Some(Sample { level, most, left, busy: 0, sections: Arc::default(), change });
         drop(state);
         self.inner.work.notify_all();
     }
@@ -177,9 +181,9 @@ impl Feed {
         self.arrivals.try_recv().ok()
     }
 
-    /// Whether no sparse sample is being taken.
+    /// Whether no sparse sample is being taken: all of the last one has arrived, or waits to be taken.
     pub fn is_sampled(&self) -> bool {
-        self.inner.lock().sample.as_ref().is_none_or(|sample| sample.left.is_empty() && sample.busy == 0)
+        self.inner.lock().sample.is_none()
     }
 
     /// Waits for what arrives next.
@@ -226,15 +230,15 @@ fn next(inner: &Inner) -> Option<Task> {
             state = inner.work.wait(state).unwrap_or_else(PoisonError::into_inner);
             continue;
         }
-        let State { builds, sample, .. } = &mut *state;
+        let State { builds, sample, sparse, .. } = &mut *state;
         if let Some(sample) = sample
             && let Some(source) = sample.left.pop()
         {
             sample.busy += 1;
             let input = Arc::clone(&builds.sources()[source].input);
             let sections = Arc::clone(&sample.sections);
-            let (level, of_file) = (sample.level, sample.of_file);
-            return Some(Task::Sample { source, input, level, of_file, sections });
+            let (level, most, read) = (sample.level, sample.most, sparse.get(&source).cloned());
+            return Some(Task::Sample { source, input, level, most, read, sections });
         }
         if let Some(finished) = builds.take_finished() {
             return Some(Task::Pack(finished));
@@ -253,6 +257,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
     while let Some(task) = next(inner) {
         let core = Arc::clone(&inner.lock().core);
         let mut packs = Vec::new();
+        let mut sampled = None;
         match task {
             Task::Pack(finished) => packs.push((finished, false)),
             Task::Chunk(job) => {
@@ -261,31 +266,30 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 inner.work.notify_all();
                 look_after(inner);
             }
-            Task::Sample { source, input, level, of_file, sections } => {
-                // What cannot be read is named when it is read for good.
-                let mut seen = Vec::new();
-                let _ = sparse(
-                    (&grid_at(&inner.grid, level), level),
-                    &core,
-                    &mut decoder,
-                    &mut binner,
-                    &input,
-                    of_file,
-                    &sections,
-                    &mut seen,
-                );
-                input.file.bytes.release();
+            Task::Sample { source, input, level, most, read, sections } => {
+                let of_file = read.unwrap_or_else(|| Arc::new(Sparse::read(&mut decoder, &input.file, most)));
+                let section = |key: SectionKey| {
+                    Some(Arc::clone(lock(&sections).entry(SectionKey { level, ..key }).or_default()))
+                };
+                for block in of_file.blocks() {
+                    binner.bin_into(&grid_at(&inner.grid, level), &core, &*input, block, &section);
+                }
                 let mut state = inner.lock();
-                state.builds.saw(source, &seen);
-                if let Some(sample) = &mut state.sample
-                    && Arc::ptr_eq(&sample.sections, &sections)
-                {
-                    sample.busy -= 1;
-                    if sample.busy == 0 && sample.left.is_empty() {
-                        let sample = state.sample.take().expect("just seen");
-                        packs.extend(lock(&sample.sections).drain().map(|(key, columns)| {
-                            (Finished { key, columns, damaged: false, change: sample.change }, true)
-                        }));
+                let State { builds, sample, sparse, .. } = &mut *state;
+                builds.saw(source, of_file.bounds());
+                sparse.insert(source, of_file);
+                let of_last = |sample: &Sample| Arc::ptr_eq(&sample.sections, &sections);
+                if let Some(sample) = sample.as_mut().filter(|sample| of_last(sample)) {
+                    if sample.busy > 1 || !sample.left.is_empty() {
+                        sample.busy -= 1;
+                    } else {
+                        let change = sample.change;
+                        packs.extend(
+                            lock(&sections).drain().map(|(key, columns)| {
+                                (Finished { key, columns, damaged: false, change }, true)
+                            }),
+                        );
+                        sampled = Some(sections);
                     }
                 }
                 drop(state);
@@ -299,6 +303,12 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
             if send.send(Arrival { key, packed, damaged, change, sparse }).is_err() {
                 return;
             }
+            wake();
+        }
+        if let Some(sections) = sampled {
+            let mut state = inner.lock();
+            state.sample = state.sample.take().filter(|sample| !Arc::ptr_eq(&sample.sections, &sections));
+            drop(state);
             wake();
         }
     }
@@ -353,67 +363,4 @@ fn read(grid: &Grid, core: &Core, decoder: &mut Decoder, binner: &mut Binner, jo
     outcome.bounds = raw.is_sound().then_some(raw);
     outcome.error = result.err();
     outcome
-}
-
-/// Records of a chunk that a sample of `most` points of a file takes: of LAS, any can be read alone, of others the
-/// first is stored raw.
-fn sparse_of_chunk(file: &LidarFile, most: usize) -> u64 {
-    if file.header.compressed {
-        return 1;
-    }
-    (most / file.chunks.len().max(1)).clamp(1, RECORDS_OF_A_CHUNK as usize) as u64
-}
-
-/// Points in the sparse sample of such files.
-pub fn sparse_points<'a>(files: impl Iterator<Item = &'a LidarFile> + Clone) -> u64 {
-    let most = (SAMPLE_POINTS / files.clone().count().max(1)).max(1);
-    let of_file = |file: &LidarFile| {
-        (file.chunks.len().min(most) as u64 * sparse_of_chunk(file, most)).min(file.points())
-    };
-    files.map(of_file).sum()
-}
-
-/// Reads a few points of every chunk of a file; `seen`: their bounds, by chunk.
-#[expect(clippy::too_many_arguments)]
-fn sparse(
-    (grid, level): (&Grid, u8),
-    core: &Core,
-    decoder: &mut Decoder,
-    binner: &mut Binner,
-    input: &Input,
-    most: usize,
-    sections: &Mutex<HashMap<SectionKey, Shared>>,
-    seen: &mut Vec<(usize, RawBounds)>,
-) -> Result<(), crate::source::SourceError> {
-    let file = &input.file;
-    if file.chunks.is_empty() {
-        return Ok(());
-    }
-    let of_chunk = sparse_of_chunk(file, most);
-    let stride = if of_chunk == 1 { Decoder::stride_of_firsts(file, most) } else { 1 };
-    let mut chunk_of_point = file.chunks.iter().enumerate().step_by(stride).flat_map(|(index, chunk)| {
-        std::iter::repeat_n(index, if of_chunk == 1 { 1 } else { of_chunk.min(chunk.records) as usize })
-    });
-    let mut bin = |block: &PointBlock| {
-        for (i, index) in (0..block.len()).zip(&mut chunk_of_point) {
-            if seen.last().is_none_or(|(last, _)| *last != index) {
-                seen.push((index, RawBounds::NOTHING));
-            }
-            let (_, bounds) = seen.last_mut().expect("just pushed");
-            [block.x[i], block.y[i], block.z[i]]
-                .iter()
-                .enumerate()
-                .for_each(|(axis, v)| bounds.widen(axis, &[*v]));
-        }
-        let section = |key: SectionKey| {
-            let key = SectionKey { level, ..key };
-            Some(Arc::clone(lock(sections).entry(key).or_default()))
-        };
-        binner.bin_into(grid, core, input, block, &section);
-    };
-    match of_chunk {
-        1 => bin(decoder.first_points(file, most)?),
-        of_chunk => decoder.sparse_records(file, of_chunk, &mut bin)?,
-    }
-    Ok(())
 }

@@ -3,10 +3,11 @@
 
 use super::bins::Core;
 use super::builds::{Builds, OpenInput, Progress};
-use super::feed::{Arrival, Feed, sparse_points};
+use super::feed::{Arrival, Feed};
 use super::pool::section_bytes;
 use super::residency::{Cut, Domain, MOST_LEVEL, MOST_NODES, Shown, Sight};
 use super::scene::{Scene, Upload};
+use super::sparse;
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
 use crate::section::Packed;
@@ -78,6 +79,8 @@ pub struct Live {
     generation: Option<u64>,
     sparse_level: u8,
     sparse_there: bool,
+    /// Sections of the sparse sample as the files are now; `None`: what is not of it has been taken off the device.
+    sparse_now: Option<HashSet<SectionKey>>,
     empty: HashSet<SectionKey>,
     damaged: HashSet<SectionKey>,
     /// Made, not uploaded yet.
@@ -134,6 +137,7 @@ impl Live {
             generation: None,
             sparse_level: 0,
             sparse_there: false,
+            sparse_now: None,
             empty: HashSet::new(),
             damaged: HashSet::new(),
             arrived: HashMap::new(),
@@ -157,7 +161,7 @@ impl Live {
     fn look_at_files(&mut self) {
         let (extents, samples) = self.feed.with(|builds| {
             let shown = || builds.sources().iter().filter(|source| source.shown);
-            let samples = sparse_points(shown().map(|source| &source.input.file));
+            let samples = sparse::points(shown().map(|source| &source.input.file));
             (shown().filter_map(|source| source.extent).collect::<Vec<_>>(), samples)
         });
         let cells: f64 = extents
@@ -173,12 +177,16 @@ impl Live {
         let old = self.sparse_level;
         self.sparse_level = (root + SPARSE_ABOVE..coarsest).find(enough).unwrap_or(coarsest);
         self.sparse_there = false;
-        for level in [old, self.sparse_level] {
-            self.arrived.retain(|key, _| key.level != level);
-            self.empty.retain(|key| key.level != level);
-            self.kept.retain(|key, _| key.level != level);
-            self.stale.retain(|key| key.level != level);
-            self.purged.push(level);
+        self.sparse_now = Some(HashSet::new());
+        self.arrived.retain(|key, _| key.level != old);
+        if old != self.sparse_level {
+            for level in [old, self.sparse_level] {
+                self.arrived.retain(|key, _| key.level != level);
+                self.empty.retain(|key| key.level != level);
+                self.kept.retain(|key, _| key.level != level);
+                self.stale.retain(|key| key.level != level);
+                self.purged.push(level);
+            }
         }
         self.kept_bytes = self.kept.values().map(|kept| packed_bytes(&kept.packed)).sum();
         self.feed.sample(self.sparse_level);
@@ -191,12 +199,24 @@ impl Live {
         self.files_changed(&[source]);
     }
 
-    /// Adds files. `core`: of all.
-    pub fn add(&mut self, inputs: Vec<OpenInput>, core: Core) {
+    /// Adds files; gives their numbers. `core`: of all.
+    pub fn add(&mut self, inputs: Vec<OpenInput>, core: Core) -> Vec<usize> {
         self.feed.set_core(core);
         let sources: Vec<_> =
             self.feed.with(|builds| inputs.into_iter().map(|input| builds.add(input)).collect());
         self.files_changed(&sources);
+        sources
+    }
+
+    /// Another file in the place of one: what either touches is made anew. Gives the new one's number.
+    pub fn replace_file(&mut self, source: usize, input: OpenInput, core: Core) -> usize {
+        self.feed.set_core(core);
+        let new = self.feed.with(|builds| {
+            builds.show(source, false);
+            builds.add(input)
+        });
+        self.files_changed(&[source, new]);
+        new
     }
 
     fn files_changed(&mut self, sources: &[usize]) {
@@ -233,10 +253,16 @@ impl Live {
             let gone: Vec<_> = scene.resident().filter(|key| purged.contains(&key.level)).collect();
             scene.remove(&gone)?;
         }
-        while self.has_room()
-            && let Some(arrival) = self.feed.try_take()
-        {
-            self.news |= self.arrive(arrival);
+        let sampled = self.feed.is_sampled();
+        let mut all_taken = false;
+        while self.has_room() && !all_taken {
+            match self.feed.try_take() {
+                Some(arrival) => self.news |= self.arrive(arrival),
+                None => all_taken = true,
+            }
+        }
+        if sampled && all_taken {
+            self.sweep(scene)?;
         }
         let mut news = std::mem::take(&mut self.news);
         let moved = self.sight.as_ref() != Some(sight);
@@ -265,6 +291,15 @@ impl Live {
         Ok(Tick { changed, complete, stuck: self.stuck })
     }
 
+    /// Takes off the device what was of the sparse sample of the files as they were.
+    fn sweep(&mut self, scene: &mut Scene) -> Result<(), GpuError> {
+        let Some(now) = self.sparse_now.take() else { return Ok(()) };
+        let of_old = |key: &SectionKey| key.level == self.sparse_level && !now.contains(key);
+        let gone: Vec<_> = scene.resident().filter(of_old).collect();
+        self.stale.retain(|key| !gone.contains(key));
+        scene.remove(&gone)
+    }
+
     /// Waits until something arrives, or for so long.
     pub fn wait(&mut self, timeout: Duration) {
         if !self.has_room() {
@@ -291,7 +326,12 @@ impl Live {
         if outdated || sparse && key.level != self.sparse_level {
             return false;
         }
-        self.sparse_there |= sparse;
+        if sparse {
+            self.sparse_there = true;
+            if let Some(now) = &mut self.sparse_now {
+                now.insert(key);
+            }
+        }
         if damaged {
             self.damaged.insert(key);
         }

@@ -7,5 +7,6 @@ pub mod live;
 pub mod pool;
 pub mod residency;
 pub mod scene;
+pub mod sparse;
 pub mod table;
 pub mod workers;

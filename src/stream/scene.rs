@@ -458,6 +458,9 @@ impl Scene {
     /// Takes sections out; their slots are free once nothing can read them any more. Their neighbours lose the
     /// bridges that led to them.
     pub fn remove(&mut self, keys: &[SectionKey]) -> Result<(), GpuError> {
+        if keys.is_empty() {
+            return Ok(());
+        }
         self.flush()?;
         self.generation += 1;
         let gone: BTreeMap<_, _> =

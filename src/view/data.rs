@@ -1,5 +1,6 @@
 //! Where the window's data comes from: everything that it knows of files and sections goes through here.
 
+use super::watch::{News, Stamp, Watch};
 use crate::coords::{Grid, Height};
 use crate::gpu::{Gpu, Order};
 use crate::load::{self, LoadError, LoadOptions, Opening};
@@ -10,7 +11,7 @@ use crate::render::sight::sight;
 use crate::source::inputs;
 use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
-use crate::stream::bins::Budget;
+use crate::stream::bins::{Budget, Core};
 use crate::stream::builds::{OpenInput, cells_of};
 use crate::stream::live::{self, Live};
 use crate::stream::pool::Access;
@@ -55,6 +56,12 @@ pub struct FileAbout {
     pub points: u64,
     /// Whether it is shown.
     pub shown: bool,
+    /// It is not where it was.
+    pub is_gone: bool,
+    /// Its number in what is live.
+    source: usize,
+    /// What it looked like when it was opened.
+    stamp: Stamp,
 }
 
 /// What headers and the opening sample tell.
@@ -114,11 +121,21 @@ pub struct Status {
     pub failed: Option<String>,
 }
 
-/// Files that are being opened, and what is to become of them.
+/// What is to become of files that are being opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Purpose {
+    /// They are all that is shown.
+    First,
+    /// They come to those that are there.
+    More,
+    /// The one that has this place in [`About::files`] has changed.
+    Again(usize),
+}
+
+/// Files that are being opened.
 struct Coming {
     opening: Receiver<(Result<Opening, LoadError>, Vec<String>)>,
-    /// They come to those that are there.
-    more: bool,
+    purpose: Purpose,
 }
 
 /// Wakes the window when there is news.
@@ -132,6 +149,7 @@ pub struct Data {
     coming: Vec<Coming>,
     about: Option<About>,
     live: Option<Live>,
+    watch: Option<Watch>,
     scene: Option<Scene>,
     grid: Grid,
     anchor: Height,
@@ -162,6 +180,7 @@ impl Data {
             coming: Vec::new(),
             about: None,
             live: None,
+            watch: None,
             scene: Some(scene),
             grid: Grid { base_cell: 1.0, coarsen: 0, anchor: [0; 2] },
             anchor: Height(0),
@@ -186,27 +205,30 @@ impl Data {
         lit: bool,
     ) -> anyhow::Result<Tick> {
         let mut tick = Tick::default();
+        let news: Vec<_> = self.watch.iter().flat_map(Watch::news).collect();
+        news.into_iter().for_each(|news| self.look_again(news));
         let mut opened = Vec::new();
         // In the order in which they were asked for.
         while let Some(coming) = self.coming.first() {
             match coming.opening.try_recv() {
-                Ok((opening, lines)) => opened.push((opening, lines, coming.more)),
+                Ok((opening, lines)) => opened.push((opening, lines, coming.purpose)),
                 Err(error) if error.is_empty() => break,
                 Err(_) => {}
             }
             self.coming.remove(0);
         }
-        for (opening, lines, more) in opened {
+        for (opening, lines, purpose) in opened {
             tick.changed = true;
             self.say(lines);
-            match opening {
-                Ok(opening) if more && self.fits(&opening) => self.join(opening),
-                Ok(opening) => {
+            match (purpose, opening) {
+                (Purpose::Again(file), opening) => self.renew(file, opening),
+                (Purpose::More, Ok(opening)) if self.fits(&opening) => self.join(opening),
+                (_, Ok(opening)) => {
                     self.replace(gpu, opening)?;
                     tick.is_new_scene = true;
                 }
-                Err(error) if self.about.is_some() => self.say(vec![error.to_string()]),
-                Err(error) => self.failed = Some(error.to_string()),
+                (_, Err(error)) if self.about.is_some() => self.say(vec![error.to_string()]),
+                (_, Err(error)) => self.failed = Some(error.to_string()),
             }
         }
         let (Some(live), Some(about)) = (&mut self.live, &self.about) else {
@@ -259,16 +281,77 @@ impl Data {
 
     /// More files, on the grid of those that are there.
     fn join(&mut self, opening: Opening) {
-        let Opening { inputs, about, .. } = opening;
-        let (Some(live), Some(known)) = (&mut self.live, &mut self.about) else { return };
-        known.files.extend(inputs.iter().map(file_about));
-        let (a, b) = (known.whole.bounds, about.bounds);
-        known.whole.bounds = Bounds { min: a.min.min(b.min), max: a.max.max(b.max) };
-        for (known, more) in known.whole.classes.iter_mut().zip(about.classes.iter()) {
+        let core = self.widen(&opening.about);
+        let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
+        let first = about.files.len();
+        about.files.extend(opening.inputs.iter().map(file_about));
+        let sources = live.add(opening.inputs, core);
+        for (file, source) in about.files[first..].iter_mut().zip(sources) {
+            file.source = source;
+        }
+        self.watch_from(first);
+    }
+
+    /// Takes in what is known of more files; gives where all lie.
+    fn widen(&mut self, more: &load::About) -> Core {
+        let known = &mut self.about.as_mut().expect("others are there").whole;
+        let (a, b) = (known.bounds, more.bounds);
+        known.bounds = Bounds { min: a.min.min(b.min), max: a.max.max(b.max) };
+        for (known, more) in known.classes.iter_mut().zip(more.classes.iter()) {
             *known += more;
         }
-        let core = load::core(self.grid.base_cell, &known.whole.bounds);
-        live.add(inputs, core);
+        load::core(self.grid.base_cell, &known.bounds)
+    }
+
+    /// A file has changed, is gone, or is there again.
+    fn look_again(&mut self, News { file, is_there }: News) {
+        let (Some(about), Some(live)) = (&mut self.about, &mut self.live) else { return };
+        let known = &mut about.files[file];
+        if is_there {
+            let path = vec![known.path.clone().into_os_string()];
+            self.open_aside(path, Vec::new(), Purpose::Again(file));
+        } else {
+            known.is_gone = true;
+            live.show_file(known.source, false);
+            let line = format!("{}: is gone, and not shown any more", known.path.display());
+            self.say(vec![line]);
+        }
+        self.is_complete = false;
+    }
+
+    /// A file that has changed is opened: in the place of what it was.
+    fn renew(&mut self, file: usize, opening: Result<Opening, LoadError>) {
+        let fits = opening.as_ref().is_ok_and(|opening| self.fits(opening));
+        let path = self.about.as_ref().map(|about| about.files[file].path.clone()).unwrap_or_default();
+        let path = path.display();
+        match opening {
+            Ok(mut opening) if fits => {
+                let core = self.widen(&opening.about);
+                let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
+                let Some(input) = opening.inputs.pop() else { return };
+                let known = &mut about.files[file];
+                *known = FileAbout { shown: known.shown, ..file_about(&input) };
+                known.source = live.replace_file(known.source, input, core);
+                if !known.shown {
+                    live.show_file(known.source, false);
+                }
+                self.say(vec![format!("{path}: has changed, and was read anew")]);
+            }
+            other => {
+                let why = other.err().map_or("it does not fit the others".to_owned(), |e| e.to_string());
+                let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
+                about.files[file].is_gone = true;
+                live.show_file(about.files[file].source, false);
+                self.say(vec![format!("{path}: has changed, and cannot be shown any more: {why}")]);
+            }
+        }
+    }
+
+    fn watch_from(&self, first: usize) {
+        let (Some(watch), Some(about)) = (&self.watch, &self.about) else { return };
+        for (number, file) in about.files.iter().enumerate().skip(first) {
+            watch.add(number, file.path.clone(), file.stamp);
+        }
     }
 
     /// Other data: another scene.
@@ -277,8 +360,14 @@ impl Data {
         self.failed = None;
         self.grid = grid;
         self.anchor = Height::from_units(about.bounds.center().z).unwrap_or(Height(0));
-        let files = inputs.iter().map(file_about).collect();
+        let mut files: Vec<_> = inputs.iter().map(file_about).collect();
+        files.iter_mut().enumerate().for_each(|(source, file)| file.source = source);
         self.about = Some(About { whole: about, files });
+        // Those of the data before are nobody's business any more.
+        let wake = Arc::clone(&self.wake);
+        self.watch = Some(Watch::new(move || wake()));
+        self.watch_from(0);
+        self.coming.retain(|coming| !matches!(coming.purpose, Purpose::Again(_)));
         let wake = Arc::clone(&self.wake);
         // Two threads are left to the frames, where there are more.
         let threads = load::threads();
@@ -335,21 +424,28 @@ impl Data {
     pub fn set_visible(&mut self, file: usize, shown: bool) {
         let Some(about) = self.about.as_mut().and_then(|about| about.files.get_mut(file)) else { return };
         about.shown = shown;
-        if let Some(live) = &mut self.live {
-            live.show_file(file, shown);
+        if let Some(live) = &mut self.live
+            && !about.is_gone
+        {
+            live.show_file(about.source, shown);
         }
         self.is_complete = false;
     }
 
     /// Adds inputs, such as files that were dropped. Those that are there already are left alone.
     pub fn add(&mut self, inputs: Vec<OsString>) {
-        let (send, opening) = crossbeam_channel::bounded(1);
-        let (options, wake) = (self.options.clone(), Arc::clone(&self.wake));
         let known: Vec<_> =
             self.about.iter().flat_map(|about| &about.files).map(|file| file.path.clone()).collect();
-        let more = !self.inputs.is_empty();
+        let purpose = if self.inputs.is_empty() { Purpose::First } else { Purpose::More };
         self.inputs.extend(inputs.iter().cloned());
         self.is_complete = false;
+        self.open_aside(inputs, known, purpose);
+    }
+
+    /// Opens inputs on another thread, but for files that are known.
+    fn open_aside(&mut self, inputs: Vec<OsString>, known: Vec<PathBuf>, purpose: Purpose) {
+        let (send, opening) = crossbeam_channel::bounded(1);
+        let (options, wake) = (self.options.clone(), Arc::clone(&self.wake));
         std::thread::spawn(move || {
             let mut problems = Problems::default();
             let mut found = inputs::expand(&inputs);
@@ -368,7 +464,7 @@ impl Data {
             let _ = send.send((opened, problems.take_lines()));
             wake();
         });
-        self.coming.push(Coming { opening, more });
+        self.coming.push(Coming { opening, purpose });
     }
 
     /// Whether everything that is to be seen is there.
@@ -407,5 +503,12 @@ fn access(gpu: &Gpu, budget: u64) -> Access {
 
 fn file_about(input: &OpenInput) -> FileAbout {
     let file = &input.input.file;
-    FileAbout { path: file.path().to_owned(), points: file.points(), shown: true }
+    FileAbout {
+        path: file.path().to_owned(),
+        points: file.points(),
+        shown: true,
+        is_gone: false,
+        source: 0,
+        stamp: Some((file.bytes.len(), file.bytes.modified())),
+    }
 }

@@ -11,6 +11,7 @@ mod panel;
 mod redraw;
 mod save;
 mod statistics;
+pub mod watch;
 
 use crate::attribute::{ColorMode, ColorTable};
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Overlay, Swapchain};

@@ -563,6 +563,7 @@ fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
                     ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                         let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
                         let name = RichText::new(name).color(if is_shown { TEXT } else { WEAK });
+                        let name = if file.is_gone { name.strikethrough() } else { name };
                         ui.add(egui::Label::new(name).truncate()).on_hover_text(file.path.to_string_lossy());
                     });
                 });

@@ -12,7 +12,7 @@ use lasray::stream::pool::Access;
 use lasray::stream::residency::{Sight, touches};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// All of it, from above.
 fn above(world: &World, detail: f64) -> (Camera, Sight) {
@@ -166,7 +166,7 @@ fn with_little_memory_there_is_less_detail_and_with_next_to_none_it_is_said() {
                 if tick.complete {
                     break Some(world.live.status(&world.scene).coarser);
                 }
-                world.live.wait(std::time::Duration::from_millis(1));
+                world.live.wait(Duration::from_millis(1));
             }?;
             let hits = world.picture(&camera).distance.iter().filter(|d| d.is_finite()).count();
             Some((coarser, hits))

@@ -1,5 +1,7 @@
 //! Scenes on every driver and queue layout: the same pictures, nothing copied twice, no word from validation.
 
+#[cfg(feature = "view")]
+mod changes;
 #[path = "../common/mod.rs"]
 mod common;
 mod cut;

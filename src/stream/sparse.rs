@@ -1,0 +1,87 @@
+//! The sparse sample: a few points of every chunk of every file, the first picture of everything. What was read of a file
+//! is remembered, so that files may come and go without the others being read again.
+
+use crate::source::known::RawBounds;
+use crate::source::{Decoder, LidarFile, PointBlock};
+
+/// Points of the sample, about: some 4 MB.
+const SAMPLE_POINTS: usize = 1 << 17;
+/// Most records of a chunk of LAS in it.
+const RECORDS_OF_A_CHUNK: u64 = 256;
+
+/// Points that each of so many files gives, at most.
+pub fn points_of_file(files: usize) -> usize {
+    (SAMPLE_POINTS / files.max(1)).max(1)
+}
+
+/// Records of a chunk that a sample of `most` points of a file takes: of LAS, any can be read alone, of others the
+/// first is stored raw.
+fn records_of_chunk(file: &LidarFile, most: usize) -> u64 {
+    if file.header.compressed {
+        return 1;
+    }
+    (most / file.chunks.len().max(1)).clamp(1, RECORDS_OF_A_CHUNK as usize) as u64
+}
+
+/// Points in the sample of such files.
+pub fn points<'a>(files: impl Iterator<Item = &'a LidarFile> + Clone) -> u64 {
+    let most = points_of_file(files.clone().count());
+    let of_file = |file: &LidarFile| {
+        (file.chunks.len().min(most) as u64 * records_of_chunk(file, most)).min(file.points())
+    };
+    files.map(of_file).sum()
+}
+
+/// The sample of a file.
+#[derive(Default)]
+pub struct Sparse {
+    blocks: Vec<PointBlock>,
+    bounds: Vec<(usize, RawBounds)>,
+}
+
+impl Sparse {
+    /// Reads up to about `most` points. What cannot be read is named when it is read for good.
+    pub fn read(decoder: &mut Decoder, file: &LidarFile, most: usize) -> Sparse {
+        let mut sparse = Sparse::default();
+        if file.chunks.is_empty() {
+            return sparse;
+        }
+        let of_chunk = records_of_chunk(file, most);
+        let stride = if of_chunk == 1 { Decoder::stride_of_firsts(file, most) } else { 1 };
+        let mut chunk_of_point = file.chunks.iter().enumerate().step_by(stride).flat_map(|(index, chunk)| {
+            std::iter::repeat_n(index, if of_chunk == 1 { 1 } else { of_chunk.min(chunk.records) as usize })
+        });
+        let mut take = |block: &PointBlock| {
+            sparse.take(block, &mut chunk_of_point);
+        };
+        let _ = match of_chunk {
+            1 => decoder.first_points(file, most).map(&mut take),
+            of_chunk => decoder.sparse_records(file, of_chunk, &mut take),
+        };
+        file.bytes.release();
+        sparse
+    }
+
+    fn take(&mut self, block: &PointBlock, chunk_of_point: &mut impl Iterator<Item = usize>) {
+        for (i, index) in (0..block.len()).zip(chunk_of_point) {
+            if self.bounds.last().is_none_or(|(last, _)| *last != index) {
+                self.bounds.push((index, RawBounds::NOTHING));
+            }
+            let (_, bounds) = self.bounds.last_mut().expect("just pushed");
+            for (axis, values) in [&block.x, &block.y, &block.z].into_iter().enumerate() {
+                bounds.widen(axis, &values[i..=i]);
+            }
+        }
+        self.blocks.push(block.clone());
+    }
+
+    /// Its points.
+    pub fn blocks(&self) -> &[PointBlock] {
+        &self.blocks
+    }
+
+    /// What they say of chunks: index, and a box that the chunk's own holds.
+    pub fn bounds(&self) -> &[(usize, RawBounds)] {
+        &self.bounds
+    }
+}

@@ -1,0 +1,119 @@
+//! Files that change, vanish and come back while they are seen.
+
+use super::SIZE;
+use super::common::{self, LAVAPIPE};
+use super::live::tiles;
+use super::scene::{self, BRIDGED};
+use lasray::attribute::{ColorMode, ColorTable};
+use lasray::gpu::Gpu;
+use lasray::render::camera::{Camera, Projection};
+use lasray::render::frame::Renderer;
+use lasray::render::image::Image;
+use lasray::source::placement::PlacementOptions;
+use lasray::view;
+use std::fs;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+/// A window's data, without a window.
+struct Seen {
+    gpu: Gpu,
+    data: view::data::Data,
+    camera: Camera,
+}
+
+impl Seen {
+    fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
+        let options = view::data::Options {
+            cell: Some(0.25),
+            placement: PlacementOptions::default(),
+            rgb_bits: None,
+            host_bytes: 1 << 30,
+            device_bytes: 1 << 28,
+            visibility: BRIDGED(),
+            cache: None,
+        };
+        let inputs = paths.iter().map(|path| path.clone().into_os_string()).collect();
+        let data = view::data::Data::open(&gpu, inputs, options, || ()).unwrap();
+        Seen { gpu, data, camera }
+    }
+
+    /// Until `done`, and complete.
+    fn until(&mut self, done: impl Fn(&view::data::Data) -> bool) {
+        let start = Instant::now();
+        loop {
+            self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true).unwrap();
+            if self.data.is_complete() && self.data.about().is_some() && done(&self.data) {
+                return;
+            }
+            assert!(start.elapsed() < Duration::from_secs(60), "it never ends: {:?}", self.data.status());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn says(&self, words: &str) -> bool {
+        self.data.status().messages.iter().any(|line| line.contains(words))
+    }
+
+    fn picture(&mut self) -> Image {
+        let about = self.data.about().unwrap();
+        let (grid, anchor) = self.data.grid();
+        let data = scene::Data {
+            sections: Vec::new(),
+            grid,
+            bounds: about.bounds,
+            anchor,
+            colors: ColorTable::new(ColorMode::Class, &about.summary, None, None).unwrap(),
+            summary: about.summary.clone(),
+            placement: about.placement,
+        };
+        let mut renderer = Renderer::new(self.data.scene(), grid, anchor).unwrap();
+        let table = self.data.table(&renderer);
+        let view = data.lit(&self.camera, SIZE);
+        renderer.draw_table(self.data.scene_mut(), &view, &table).unwrap()
+    }
+}
+
+#[test]
+fn files_that_change_are_seen_as_they_are() {
+    common::run("changes::files_that_change_are_seen_as_they_are", LAVAPIPE, |setup| {
+        let folder = tempfile::tempdir().unwrap();
+        let mut paths = tiles(folder.path());
+        paths.extend((0..2).map(|k| {
+            scene::town(folder.path(), &format!("far{k}.las"), [160.0 + 100.0 * f64::from(k), -160.0], 100.0)
+        }));
+        let all = super::town().bounds;
+        let camera = Camera::orbit(all.center(), [20.0, 50.0], 500.0, Projection::default()).unwrap();
+        let mut seen = Seen::open(setup.gpu(), &paths, camera.clone());
+        seen.until(|_| true);
+        let whole = seen.picture();
+        // In the place of the first, less; the second is gone.
+        let less = scene::town(folder.path(), "less.las", [-160.0, -160.0], 90.0);
+        fs::rename(&less, &paths[0]).unwrap();
+        let kept = fs::read(&paths[1]).unwrap();
+        fs::remove_file(&paths[1]).unwrap();
+        seen.until(|data| {
+            let about = data.about().unwrap();
+            about.files[1].is_gone && data.status().messages.iter().any(|line| line.contains("read anew"))
+        });
+        assert!(seen.says("a.las: has changed, and was read anew") && seen.says("b.laz: is gone"));
+        let changed = seen.picture();
+        assert!(changed != whole);
+        let others = [&paths[..1], &paths[2..]].concat();
+        let mut fresh = Seen::open(setup.gpu(), &others, camera);
+        fresh.until(|_| true);
+        assert_eq!(scene::pixels_that_differ(&changed, &fresh.picture()), 0);
+        // And back again.
+        fs::write(&paths[1], kept).unwrap();
+        scene::town(folder.path(), "a.las", [-160.0, -160.0], 160.0);
+        let started = Instant::now();
+        seen.until(|data| {
+            let about = data.about().unwrap();
+            !about.files[1].is_gone && about.files[0].points == 8 * 160 * 160
+        });
+        println!("back again after {:?}", started.elapsed());
+        assert_eq!(scene::pixels_that_differ(&seen.picture(), &whole), 0);
+        assert_eq!(seen.data.status().frames_waited, 0);
+        assert_eq!(seen.gpu.messages(), [""; 0]);
+    });
+}
