@@ -4,6 +4,7 @@
 use super::bins::Core;
 use super::builds::{Builds, OpenInput, Progress};
 use super::feed::{Arrival, Feed};
+use super::motion::Motion;
 use super::pool::section_bytes;
 use super::residency::{Cut, Domain, MOST_LEVEL, MOST_NODES, Shown, Sight};
 use super::scene::{Scene, Upload};
@@ -13,7 +14,7 @@ use crate::gpu::GpuError;
 use crate::section::Packed;
 use crate::source::learned::Cache;
 use std::collections::{HashMap, HashSet};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Levels that the sparse sample's sections are coarser than the roots, at least: they are told apart by that.
 const SPARSE_ABOVE: u8 = 1;
@@ -73,6 +74,10 @@ pub struct Live {
     cut: Cut,
     /// Members that are seen, most urgent first.
     wanted: Vec<SectionKey>,
+    /// What will be, too, if the camera goes on as it does.
+    ahead: Vec<SectionKey>,
+    motion: Motion,
+    started: Instant,
     /// What was asked for last.
     asked: Vec<SectionKey>,
     shown: Vec<Shown>,
@@ -132,6 +137,9 @@ impl Live {
             sight: None,
             cut: Cut::default(),
             wanted: Vec::new(),
+            ahead: Vec::new(),
+            motion: Motion::default(),
+            started: Instant::now(),
             asked: Vec::new(),
             shown: Vec::new(),
             generation: None,
@@ -275,6 +283,7 @@ impl Live {
             }
             self.look(sight);
         }
+        self.look_ahead(sight, moved);
         news |= self.upload(scene, sight, most_bytes)?;
         scene.advance()?;
         let changed = moved || news || self.generation != Some(scene.generation());
@@ -381,6 +390,26 @@ impl Live {
         self.used.extend(self.wanted.iter().map(|&key| (key, self.tick)));
     }
 
+    /// What comes into sight if the camera goes on.
+    fn look_ahead(&mut self, sight: &Sight, moved: bool) {
+        let now = self.started.elapsed().as_secs_f64();
+        let by = if moved { self.motion.frame(sight.eye, now) } else { None };
+        match by {
+            Some(by) => {
+                // As fine as what is seen now comes to be.
+                let detail = sight.detail * self.coarser;
+                let cut = self.domain.cut(&Sight { detail, ..sight.moved(by) });
+                let wanted: HashSet<_> = self.wanted.iter().collect();
+                let mut ahead: Vec<_> = cut.wanted().filter(|(key, _)| !wanted.contains(key)).collect();
+                ahead.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+                self.ahead = ahead.into_iter().map(|(key, _)| key).collect();
+                self.used.extend(self.ahead.iter().map(|&key| (key, self.tick)));
+            }
+            None if moved || self.motion.rests(now) => self.ahead.clear(),
+            None => {}
+        }
+    }
+
     fn is_there(&self, scene: &Scene, key: SectionKey) -> bool {
         self.empty.contains(&key) || scene.is_live(key) && !scene.is_coming(key) && !self.stale.contains(&key)
     }
@@ -399,7 +428,10 @@ impl Live {
         let mut order: Vec<SectionKey> = self.arrived.keys().filter(is_sparse).copied().collect();
         let ready = |key: &&SectionKey| self.arrived.contains_key(key) || self.kept.contains_key(key);
         order.extend(self.wanted.iter().filter(ready));
-        for key in order {
+        let urgent = order.len();
+        let mut room_ahead = true;
+        order.extend(self.ahead.iter().filter(ready));
+        for (place, key) in order.into_iter().enumerate() {
             if scene.is_coming(key) || scene.is_live(key) && !self.stale.contains(&key) {
                 continue;
             }
@@ -419,6 +451,11 @@ impl Live {
                 Upload::Later => break,
                 // A stand-in is not worth the detail of what it stands in for.
                 Upload::Full if is_sparse(&&key) => continue,
+                // Nor what is not seen yet, of what is.
+                Upload::Full if place >= urgent => {
+                    room_ahead = false;
+                    break;
+                }
                 Upload::Full => {
                     let needed = section_bytes(&packed.layout);
                     if !self.make_room(scene, needed)? {
@@ -438,7 +475,8 @@ impl Live {
         }
         // What is not wanted any more is worth keeping, not uploading.
         if !self.arrived.is_empty() {
-            let wanted: HashSet<_> = self.wanted.iter().collect();
+            let ahead = if room_ahead { &self.ahead[..] } else { &[] };
+            let wanted: HashSet<_> = self.wanted.iter().chain(ahead).collect();
             let unwanted = |key: &&SectionKey| !wanted.contains(key) && !is_sparse(key);
             let unwanted: Vec<_> = self.arrived.keys().filter(unwanted).copied().collect();
             unwanted.into_iter().for_each(|key| self.keep(key));
@@ -516,7 +554,8 @@ impl Live {
         let there = |key: &SectionKey| {
             self.arrived.contains_key(key) || self.kept.contains_key(key) || scene.is_coming(*key)
         };
-        let missing: Vec<_> = self.missing(scene).filter(|key| !there(key)).collect();
+        let soon = self.ahead.iter().copied().filter(|&key| !self.is_there(scene, key));
+        let missing: Vec<_> = self.missing(scene).chain(soon).filter(|key| !there(key)).collect();
         if missing != self.asked {
             self.feed.with(|builds| builds.want(missing.clone()));
             self.asked = missing;

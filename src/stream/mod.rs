@@ -4,6 +4,7 @@ pub mod bins;
 pub mod builds;
 pub mod feed;
 pub mod live;
+mod motion;
 pub mod pool;
 pub mod residency;
 pub mod scene;

@@ -45,6 +45,16 @@ pub struct Sight {
 }
 
 impl Sight {
+    /// The same, seen from somewhere else.
+    pub fn moved(&self, by: DVec3) -> Sight {
+        let plane = |&(normal, least): &(DVec3, f64)| (normal, least + normal.dot(by));
+        Sight {
+            planes: self.planes.iter().map(plane).collect(),
+            eye: self.eye.map(|eye| eye + by),
+            ..self.clone()
+        }
+    }
+
     /// Whether something of the box may be seen.
     fn sees(&self, [low, high]: &[DVec3; 2]) -> bool {
         self.planes.iter().all(|&(normal, least)| {
@@ -358,6 +368,13 @@ mod tests {
         assert!(cut.wanted().all(|(key, _)| !behind(&key)));
         assert!(keys.iter().any(behind));
         assert_eq!(domain.cut(&Sight { detail: 0.0, ..sight }).wanted().map(|(k, _)| k.level).max(), Some(0));
+    }
+
+    #[test]
+    fn what_is_seen_moves_with_the_eye() {
+        let by = DVec3::new(400.0 * 0.5, -70.0 * 0.5, 31.0);
+        let moved = sight(2000.0, 2000.0, 150.0, 1.0).moved(by);
+        assert_eq!(moved, sight(2400.0, 1930.0, 181.0, 1.0));
     }
 
     #[test]

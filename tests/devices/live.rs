@@ -21,7 +21,7 @@ use lasray::stream::live::{Live, Status};
 use lasray::stream::pool::Access;
 use lasray::stream::residency::{Shown, Sight};
 use lasray::stream::scene::{Scene, Visibility};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -354,6 +354,43 @@ fn jumps_neither_leak_nor_wait() {
         }
         assert_eq!(world.scene.counters().waits, 0);
         assert!(world.live.take_errors().is_empty());
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// A steady flight: sections that come into sight are there when they do, in most cases.
+#[test]
+fn what_comes_into_sight_is_read_before() {
+    common::run("live::what_comes_into_sight_is_read_before", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let from = world.bounds.min + DVec3::new(40.0, 20.0, 70.0);
+        let sight = |world: &World, north: f64| {
+            let eye = from + DVec3::new(north, north, 0.0);
+            let camera = Camera::look_at(eye, eye + DVec3::new(0.0, 10.0, -25.0), Projection::default());
+            world.sight(&camera.unwrap(), 1.0)
+        };
+        let start = sight(&world, 0.0);
+        world.complete(&start);
+        let mut known: HashSet<SectionKey> = world.live.wanted().iter().copied().collect();
+        let (mut new, mut there) = (0, 0);
+        for frame in 1..200 {
+            let now = sight(&world, f64::from(frame));
+            world.live.tick(&mut world.scene, &now, 2 << 20).unwrap();
+            for &key in world.live.wanted() {
+                // The first second tells where it goes.
+                if known.insert(key) && frame > 30 {
+                    new += 1;
+                    there += usize::from(world.scene.is_live(key));
+                }
+            }
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        println!("{there} of {new} sections were there");
+        assert!(new > 8 && there * 4 > new * 3, "{there} of {new}");
+        assert_eq!(world.scene.counters().waits, 0);
         assert_eq!(gpu.messages(), [""; 0]);
     });
 }
