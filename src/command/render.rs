@@ -766,6 +766,9 @@ fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Args) -> anyho
             Wait::None => tick.complete || live.sampled() && !live.shown().is_empty(),
         };
         if enough {
+            if args.wait == Wait::Complete {
+                live.drop_unseen(scene)?;
+            }
             break;
         }
         if tick.stuck {

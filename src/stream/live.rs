@@ -515,6 +515,18 @@ impl Live {
         Ok(!gone.is_empty())
     }
 
+    /// Takes off the device what is not seen: holes are bridged across the borders of sections, and a picture that is
+    /// finished is not to depend on what was seen before.
+    pub fn drop_unseen(&mut self, scene: &mut Scene) -> Result<(), GpuError> {
+        let wanted: HashSet<_> = self.wanted.iter().copied().collect();
+        let unseen = |key: &SectionKey| !wanted.contains(key) && key.level != self.sparse_level;
+        let gone: Vec<_> = scene.resident().filter(unseen).collect();
+        self.stale.retain(|key| !gone.contains(key));
+        scene.remove(&gone)?;
+        self.show(scene);
+        Ok(())
+    }
+
     /// Keeps a section that has arrived as long as there is room, in the place of those that were used longest ago.
     fn keep(&mut self, key: SectionKey) {
         let used = self.used.get(&key).copied().unwrap_or(0);

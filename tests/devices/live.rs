@@ -229,6 +229,34 @@ fn pictures_do_not_depend_on_means() {
     });
 }
 
+/// Holes are bridged across borders, with what is seen and with nothing else.
+#[test]
+fn pictures_do_not_depend_on_what_was_seen_before() {
+    common::run("live::pictures_do_not_depend_on_what_was_seen_before", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let open = || World::with_cell(&gpu, &paths, 0.1, PLENTY, Access::Address, BRIDGED());
+        let picture = |world: &mut World, camera: &Camera, alone: bool| {
+            let sight = world.sight(camera, 1.0);
+            world.complete(&sight);
+            if alone {
+                world.live.drop_unseen(&mut world.scene).unwrap();
+            }
+            world.picture(camera)
+        };
+        let cameras = cameras(&super::town().bounds);
+        let (mut after_others, mut left) = (open(), 0);
+        for camera in cameras.iter().chain(cameras.iter().rev()) {
+            let fresh = picture(&mut open(), camera, false);
+            left += usize::from(picture(&mut after_others, camera, false).color != fresh.color);
+            assert!(picture(&mut after_others, camera, true).color == fresh.color);
+        }
+        println!("{left} of {} pictures would depend on it", 2 * cameras.len());
+        assert!(left > 0, "the test shows nothing");
+    });
+}
+
 /// At the finest level everywhere the pictures are those of everything in memory.
 #[test]
 fn finest_cells_give_the_picture_of_everything() {
@@ -319,7 +347,13 @@ fn files_that_fail_are_named_once_and_the_rest_goes_on() {
     });
 }
 
-/// Jumps over all of the data, never waiting, in a pool that holds a part of it.
+/// Memory of this process, where the system tells.
+fn resident_bytes() -> Option<u64> {
+    let text = fs::read_to_string("/proc/self/statm").ok()?;
+    Some(text.split(' ').nth(1)?.parse::<u64>().ok()? * 4096)
+}
+
+/// Jumps over all of the data, never waiting, in a pool that holds a part of it. LASRAY_JUMPS: more than every day.
 #[test]
 fn jumps_neither_leak_nor_wait() {
     common::run("live::jumps_neither_leak_nor_wait", ORDERS[1], |setup| {
@@ -336,7 +370,23 @@ fn jumps_neither_leak_nor_wait() {
             (state >> 33) as f64 / (1u64 << 31) as f64 * below
         };
         let size = world.bounds.max - world.bounds.min;
-        for jump in 0..300 {
+        let jumps = std::env::var("LASRAY_JUMPS").map_or(300, |n| n.parse().expect("a number of jumps"));
+        let above = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), SIZE).unwrap();
+        let above = world.sight(&above, 1.0);
+        // What is left when nothing but that is kept.
+        let rest = |world: &mut World| {
+            world.complete(&above);
+            let wanted: HashSet<SectionKey> = world.live.wanted().iter().copied().collect();
+            let gone: Vec<_> = world.scene.resident().filter(|key| !wanted.contains(key)).collect();
+            world.scene.remove(&gone).unwrap();
+            let bytes: u64 = wanted.iter().map(|&key| world.scene.bytes_of(key)).sum();
+            (world.scene.resident().count(), bytes, world.scene.pool().held_bytes(), resident_bytes())
+        };
+        let mut first = None;
+        for jump in 0..jumps {
+            if jump == jumps / 5 {
+                first = Some(rest(&mut world));
+            }
             let eye = world.bounds.min + DVec3::new(next(size.x), next(size.y), 20.0 + next(300.0));
             let target = eye + DVec3::new(next(2.0) - 1.0, next(2.0) - 1.0, -0.2 - next(1.0)) * 50.0;
             let camera = Camera::look_at(eye, target, Projection::default()).unwrap();
@@ -351,6 +401,13 @@ fn jumps_neither_leak_nor_wait() {
             assert!(world.scene.pool().held_bytes() <= means.device_bytes);
             let held = world.live.status(&world.scene).host_bytes;
             assert!(held <= means.host_bytes + (16 << 20), "{held} bytes of host memory");
+        }
+        let (first, last) = (first.unwrap(), rest(&mut world));
+        println!("sections, their bytes, the pool's, the process's: {first:?}, after {jumps} jumps {last:?}");
+        assert_eq!((first.0, first.1), (last.0, last.1));
+        assert!(last.2 <= first.2);
+        if let (Some(first), Some(last)) = (first.3, last.3) {
+            assert!(last <= first + first / 10 + (32 << 20), "{first} bytes, then {last}");
         }
         assert_eq!(world.scene.counters().waits, 0);
         assert!(world.live.take_errors().is_empty());
