@@ -30,7 +30,7 @@ use std::time::{Duration, Instant};
 const CELL: f64 = 0.25;
 
 /// Four tiles of the town, compressed and not.
-fn tiles(folder: &Path) -> Vec<PathBuf> {
+pub(super) fn tiles(folder: &Path) -> Vec<PathBuf> {
     let tile = |k: i32| {
         let corner = [-160.0 + 160.0 * f64::from(k % 2), -160.0 + 160.0 * f64::from(k / 2)];
         scene::town(folder, ["a.las", "b.laz", "c.laz", "d.las"][k as usize], corner, 160.0)
@@ -38,7 +38,7 @@ fn tiles(folder: &Path) -> Vec<PathBuf> {
     (0..4).map(tile).collect()
 }
 
-fn options() -> LoadOptions {
+pub(super) fn options() -> LoadOptions {
     LoadOptions {
         cell: Some(CELL),
         placement: PlacementOptions::default(),
@@ -66,29 +66,33 @@ fn all_sections(paths: &[PathBuf]) -> HashMap<SectionKey, Vec<u32>> {
 }
 
 /// What is live of some files.
-struct World {
-    live: Live,
-    scene: Scene,
-    grid: Grid,
-    bounds: Bounds,
+pub(super) struct World {
+    pub live: Live,
+    pub scene: Scene,
+    pub grid: Grid,
+    pub bounds: Bounds,
     colors: ColorTable,
     summary: AttributeSummary,
 }
 
 /// Memory and threads.
 #[derive(Clone, Copy)]
-struct Means {
+pub(super) struct Means {
     host_bytes: u64,
     device_bytes: u64,
     threads: usize,
 }
 
-const PLENTY: Means = Means { host_bytes: 1 << 30, device_bytes: 1 << 30, threads: 2 };
+pub(super) const PLENTY: Means = Means { host_bytes: 1 << 30, device_bytes: 1 << 30, threads: 2 };
 
 impl World {
     fn open(gpu: &Gpu, paths: &[PathBuf], means: Means, access: Access, visibility: Visibility) -> World {
-        let Opening { inputs, grid, core, about } =
-            load::open(paths, &options(), &mut Problems::default()).unwrap();
+        let opening = load::open(paths, &options(), &mut Problems::default()).unwrap();
+        World::of(gpu, opening, means, access, visibility)
+    }
+
+    pub fn of(gpu: &Gpu, opening: Opening, means: Means, access: Access, visibility: Visibility) -> World {
+        let Opening { inputs, grid, core, about } = opening;
         assert!(matches!(about.placement, Placement::AsIs));
         World {
             live: Live::new(inputs, grid, core, means.host_bytes, means.threads, || ()),
@@ -100,12 +104,12 @@ impl World {
         }
     }
 
-    fn sight(&self, camera: &Camera, detail: f64) -> Sight {
+    pub fn sight(&self, camera: &Camera, detail: f64) -> Sight {
         sight(camera, SIZE, [1.0, 0.0], self.bounds.min.z - 10.0, detail).unwrap()
     }
 
     /// Until all is there that `sight` wants.
-    fn complete(&mut self, sight: &Sight) -> Status {
+    pub fn complete(&mut self, sight: &Sight) -> Status {
         let start = Instant::now();
         loop {
             let tick = self.live.tick(&mut self.scene, sight, 2 << 20).unwrap();
@@ -138,7 +142,7 @@ impl World {
         }
     }
 
-    fn picture(&mut self, camera: &Camera) -> Image {
+    pub fn picture(&mut self, camera: &Camera) -> Image {
         let anchor = Height::from_units(self.bounds.center().z).unwrap();
         let mut renderer = Renderer::new(&self.scene, self.grid, anchor).unwrap();
         let table = renderer.table_of(&self.scene, self.live.shown());

@@ -3,6 +3,9 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod derived;
+mod known;
+#[path = "../common/lax.rs"]
+mod lax_writer;
 mod live;
 #[path = "../common/scene.rs"]
 mod scene;
