@@ -1019,8 +1019,8 @@ fn the_cache_is_never_needed() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let render = |picture: &str, cache: &str, more: &[&str]| {
-        let size = ["render", "town.laz", "--size", "160x90", "--orbit", "0,90,60", "-q", "--json", "a.json"];
-        let all = words(size.iter().chain(more).chain(&["-o", picture]).copied());
+        let size = "render town.laz --size 160x90 --cell 0.125 --orbit 0,90,20 -q --json a.json";
+        let all = words(size.split(' ').chain(more.iter().copied()).chain(["-o", picture]));
         let ran = run(folder.path(), &all, &[("LASRAY_CACHE", at(cache).to_str().unwrap())]);
         assert_eq!((ran.code, ran.said.as_str()), (Some(0), ""), "{picture}");
         let json: serde_json::Value = serde_json::from_slice(&fs::read(at("a.json")).unwrap()).unwrap();

@@ -374,7 +374,6 @@ pub fn sparse_points<'a>(files: impl Iterator<Item = &'a LidarFile> + Clone) -> 
 }
 
 /// Reads a few points of every chunk of a file; `seen`: their bounds, by chunk.
-#[expect(clippy::too_many_arguments)]
 fn sparse(
     (grid, level): (&Grid, u8),
     core: &Core,
