@@ -43,6 +43,9 @@ fn known(cache: &Cache, file: &LidarFile) -> Vec<Option<RawBounds>> {
     file.chunks.iter().map(|chunk| known.of(chunk).map(|(_, bounds)| bounds)).collect()
 }
 
+/// Other bounds of a chunk, by its first point and the true ones.
+type Lie = dyn Fn([i32; 3], RawBounds) -> RawBounds;
+
 /// The first point of each chunk.
 fn firsts(file: &LidarFile) -> Vec<[i32; 3]> {
     let first = |chunk| {
@@ -111,7 +114,7 @@ fn pictures_do_not_depend_on_what_is_known() {
         assert_eq!(check(&paths, Some(&cache), "full"), (vec![], chunks as u64));
 
         // Poisoned: sound entries that tell lies which opening does not see.
-        let poison = |lie: &dyn Fn([i32; 3], RawBounds) -> RawBounds| {
+        let poison = |lie: &Lie| {
             for (file, truth) in files(&paths).iter().zip(&truth) {
                 let lies: Vec<_> = firsts(file)
                     .into_iter()
@@ -122,7 +125,7 @@ fn pictures_do_not_depend_on_what_is_known() {
                 cache.save(file, &lies).unwrap();
             }
         };
-        let lies: [(&str, &dyn Fn([i32; 3], RawBounds) -> RawBounds); 3] = [
+        let lies: [(&str, &Lie); 3] = [
             ("a point", &|first, _| RawBounds { min: first, max: first }),
             ("the west", &|first, truth| RawBounds { max: [first[0], truth.max[1], truth.max[2]], ..truth }),
             ("elsewhere", &|first, truth| RawBounds {
