@@ -17,7 +17,7 @@ suffix=()
 timed() {
     local name=$1
     shift
-    /usr/bin/time -f "$name: %e s, %M KiB" "$lasray" render tiles --size 640x360 --quiet "$@"
+    /usr/bin/time -f "$name: %e s, %M KiB" "$lasray" render tiles --size 640x360 --quiet --no-cache "$@"
 }
 same() { cmp "$1" "$2" && echo "$1 and $2 are the same"; }
 
@@ -30,14 +30,27 @@ same whole-512MiB.png whole-1GiB.png
 same street-512MiB.png street-1GiB.png
 for run in 1 2 3; do timed "first picture, run $run" -o first.png --wait none; done
 
-# All of it, then straight down on a street: what is read for that, once the bounds of chunks are known.
-cat > down.json <<'JSON'
-{"version": 1, "keyframes": [
- {"time": 0, "eye": [512000, 5400000, 4000], "target": [512000, 5402960, 200]},
- {"time": 0.2, "eye": [512000, 5402960, 270], "target": [512000, 5402960, 200]},
- {"time": 0.4, "eye": [512000, 5402960, 270], "target": [512000, 5402960, 200]},
- {"time": 1, "eye": [512000, 5402960, 270], "target": [512000, 5402960, 200]}]}
-JSON
-timed "whole, then a street" --path down.json --frames 2 -o "%d.png" --json read.json
-grep -o '"bytes_read": [0-9]*' read.json
-du -sb tiles
+# Straight down on a street, from 70 m: with nothing known of chunks, and once all of it was seen. Another process each
+# time: what was learned is kept in a folder of its own.
+export LASRAY_CACHE=$folder/kept
+down=(--eye 512000,5402960,270 --target 512000,5402960,200)
+learning() {
+    local name=$1
+    shift
+    /usr/bin/time -f "$name: %e s, %M KiB" "$lasray" render tiles --size 640x360 --quiet --json "$name.json" -o "$name.png" "$@"
+}
+read_in() { grep -o '"bytes_read": [0-9]*' "$1.json" | grep -o '[0-9]*$'; }
+bytes_of() { du -sb "$1" | cut -f1; }
+# at_most WHAT PART WHOLE TENTHS: whether it is at most so many tenths of a per cent.
+at_most() {
+    echo "$1: $2 of $3 bytes, $(awk "BEGIN { printf \"%.4f\", 100 * $2 / $3 }") %"
+    [ $(($2 * 1000)) -le $(($3 * $4)) ] || { echo "$1: more than $4 tenths of a per cent" >&2; exit 1; }
+}
+learning unknown "${down[@]}"
+learning all
+learning known "${down[@]}"
+same unknown.png known.png
+data=$(bytes_of tiles)
+echo "straight down, nothing known: $(read_in unknown) of $data bytes"
+at_most "straight down, bounds of chunks known" "$(read_in known)" "$data" 50
+at_most "what is kept" "$(bytes_of kept)" "$data" 1

@@ -39,6 +39,7 @@ fn run(folder: &Path, arguments: &[OsString], environment: &[(&str, &str)]) -> R
     let mut child = Command::new(env!("CARGO_BIN_EXE_lasray"))
         .args(arguments)
         .current_dir(folder)
+        .env("LASRAY_CACHE", folder.join("cache"))
         .envs(environment.iter().copied())
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -653,7 +654,7 @@ fn a_path_can_be_stopped() {
         {"time": 60, "eye": [90, -300, 500], "target": [0, 0, 0]}]}"#;
     fs::write(folder.path().join("long.json"), path).unwrap();
     let mut child = Command::new(env!("CARGO_BIN_EXE_lasray"))
-        .args(words("render good.las --path long.json -o %d.png --size 64x36".split(' ')))
+        .args(words("render good.las --path long.json -o %d.png --size 64x36 --no-cache".split(' ')))
         .current_dir(folder.path())
         .stderr(Stdio::piped())
         .spawn()
@@ -1010,6 +1011,37 @@ fn good_real_files_are_drawn_without_complaint() {
     });
     let wrong = wrong.into_inner().unwrap();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// What was learned is kept in the user's cache folder, unless that is not wanted or cannot be.
+#[test]
+fn the_cache_is_never_needed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let render = |picture: &str, cache: &str, more: &[&str]| {
+        let size = "render town.laz --size 160x90 --cell 0.125 --orbit 0,90,20 -q --json a.json";
+        let all = words(size.split(' ').chain(more.iter().copied()).chain(["-o", picture]));
+        let ran = run(folder.path(), &all, &[("LASRAY_CACHE", at(cache).to_str().unwrap())]);
+        assert_eq!((ran.code, ran.said.as_str()), (Some(0), ""), "{picture}");
+        let json: serde_json::Value = serde_json::from_slice(&fs::read(at("a.json")).unwrap()).unwrap();
+        json[0]["bytes_read"].as_u64().unwrap()
+    };
+    let made = run(folder.path(), &words(["synth", "town.laz", "--points", "400k"]), &[]);
+    assert_eq!(made.code, Some(0), "{}", made.said);
+    let all = render("none.png", "none", &["--no-cache"]);
+    assert!(!at("none").exists());
+    assert_eq!(render("first.png", "kept", &[]), all);
+    assert_eq!(fs::read_dir(at("kept")).unwrap().count(), 1);
+    let then = render("second.png", "kept", &[]);
+    assert!(then < all, "{then} of {all} bytes");
+    // A file in the place of the folder, and another one in the place of the entry.
+    assert_eq!(render("file.png", "town.laz", &[]), all);
+    let entry = fs::read_dir(at("kept")).unwrap().next().unwrap().unwrap().path();
+    fs::write(entry, "nonsense").unwrap();
+    assert_eq!(render("nonsense.png", "kept", &[]), all);
+    for name in ["first.png", "second.png", "file.png", "nonsense.png"] {
+        assert!(pixels(&at(name)) == pixels(&at("none.png")), "{name}");
+    }
 }
 
 #[test]

@@ -91,6 +91,14 @@ fn layers_that_are_skipped_are_not_missed() {
     }
 }
 
+/// The same with one record again and again from `first` on.
+fn alike_from(first: usize, mut made: Made) -> Made {
+    let len = made.record_len();
+    let record = made.records[first * len..(first + 1) * len].to_vec();
+    made.records[first * len..].chunks_mut(len).for_each(|other| other.copy_from_slice(&record));
+    made
+}
+
 #[test]
 fn a_range_of_a_chunk_is_that_range() {
     let packings = [
@@ -98,13 +106,18 @@ fn a_range_of_a_chunk_is_that_range() {
         Made::new(3, Packing::Fixed(30_000), 60_000),
         Made::new(7, Packing::Fixed(30_000), 60_000),
         Made::new(3, Packing::PointWise, 60_000),
+        // All that differs is at the start: no share of the layers holds it.
+        alike_from(31_000, Made::new(7, Packing::Fixed(30_000), 60_000)),
+        alike_from(31_000, Made::new(6, Packing::Fixed(30_000), 60_000)),
     ];
     for made in packings {
         let disk = on_disk(&made.bytes());
         let file = LidarFile::open(&disk.path).unwrap();
         let mut decoder = Decoder::default();
         let chunk = file.chunks.last().unwrap();
-        for range in [0..1, 0..20_000, 9_990..u64::MAX, 17_000..17_003, 5..5, u64::MAX - 1..u64::MAX] {
+        for range in
+            [0..1, 0..900, 0..7_000, 0..20_000, 9_990..u64::MAX, 17_000..17_003, 5..5, u64::MAX - 1..u64::MAX]
+        {
             let (mut all, mut first) = (PointBlock::default(), None);
             let sink = &mut |b: &PointBlock| {
                 first.get_or_insert(b.first_record);

@@ -69,6 +69,7 @@ impl<'a> Window<'a> {
             .args(arguments)
             .current_dir(folder)
             .env("DISPLAY", &display.name)
+            .envs([common::cache()])
             .env_remove("WAYLAND_DISPLAY")
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

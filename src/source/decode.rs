@@ -210,9 +210,27 @@ impl Decoder {
                 self.layer_limit
             )));
         }
+        let rgb = layout.rgb.is_some();
+        // A few points at the start are in the beginnings of the layers. Where they are not, all is read.
+        if !self.all_layers
+            && wanted.start == 0
+            && wanted.end < layers.records / 4
+            && wanted.end <= layout.records_in(RAW_BYTES)
+        {
+            let ranges = layers.wanted_of_first(rgb, wanted.end);
+            self.raw.resize(wanted.end as usize * layout.len, 0);
+            let raw = &mut self.raw;
+            let decoded = contain(|| {
+                Layered::new(handle.clone(), &laszip.items, layout, &layers, ranges).decode(raw, layout.len)
+            });
+            if let Ok(Ok(())) = decoded {
+                self.emit(layout, chunk, 0, sink);
+                return Ok(());
+            }
+        }
         let mut records = contain(|| match self.all_layers {
             true => Layered::all(handle, &laszip.items, &layers),
-            false => Layered::new(handle, &laszip.items, layout, &layers),
+            false => Layered::new(handle, &laszip.items, layout, &layers, layers.wanted(rgb)),
         })
         .map_err(bad)?;
         let held = wanted.start.min(layers.records)..wanted.end.min(layers.records);
@@ -369,18 +387,19 @@ impl Records for Sequential<'_, '_> {
 struct Layered<'f>(LayeredPointRecordDecompressor<'f, Splice<'f>>);
 
 impl<'f> Layered<'f> {
-    /// `items` have been checked to be of versions 3 and 4.
-    fn new(file: OpenFile<'f>, items: &[LazItem], layout: RecordLayout, layers: &ChunkLayers) -> Self {
+    /// `items` have been checked to be of versions 3 and 4; `ranges`: where the wanted layers lie.
+    fn new(
+        file: OpenFile<'f>,
+        items: &[LazItem],
+        layout: RecordLayout,
+        layers: &ChunkLayers,
+        ranges: Vec<Range<u64>>,
+    ) -> Self {
         // The decoder reads: first record, count, sizes, layers. It is given a chunk whose other layers are
         // empty, and which ends after the colours.
         let mut front = layers.first[..layout.len].to_vec();
         front.extend((layers.records as u32).to_le_bytes());
-        front.extend(layers.wanted_sizes().iter().flat_map(|s| s.to_le_bytes()));
-        let mut ranges = [layers.wanted_range(), 0..0];
-        if layout.rgb.is_some() {
-            front.extend(layers.rgb_size().to_le_bytes());
-            ranges[1] = layers.rgb_range();
-        }
+        front.extend(ChunkLayers::sizes_of(&ranges).iter().flat_map(|s| s.to_le_bytes()));
         let mut inner =
             LayeredPointRecordDecompressor::new(Splice { front: Cursor::new(front), file, ranges });
         for item in items {
@@ -409,7 +428,7 @@ impl<'f> Layered<'f> {
         let mut front = layers.first.clone();
         front.extend((layers.records as u32).to_le_bytes());
         front.extend(layers.sizes().iter().flat_map(|s| s.to_le_bytes()));
-        let ranges = [layers.range(), 0..0];
+        let ranges = vec![layers.range()];
         let mut to = LayeredPointRecordDecompressor::new(Splice { front: Cursor::new(front), file, ranges });
         for item in items {
             let (kind, old) = (item.item_type(), item.version() == 3);

@@ -89,30 +89,38 @@ impl ChunkLayers {
         self.start..self.start + self.byte_len() - self.head_len
     }
 
-    /// Sizes of the nine point layers with those set to 0 that are not wanted.
-    pub fn wanted_sizes(&self) -> [u32; POINT_LAYERS] {
-        std::array::from_fn(|i| if i < WANTED_LAYERS { self.sizes[i] } else { 0 })
+    /// Where the wanted point layers and, where the format has one, the R, G, B layer lie in the file.
+    pub fn wanted(&self, rgb: bool) -> Vec<Range<u64>> {
+        let mut start = self.start;
+        let mut ranges = Vec::new();
+        for (layer, &size) in self.sizes[..POINT_LAYERS + usize::from(rgb)].iter().enumerate() {
+            if layer < WANTED_LAYERS || layer == POINT_LAYERS {
+                ranges.push(start..start + u64::from(size));
+            }
+            start += u64::from(size);
+        }
+        ranges
     }
 
-    /// Size of the R, G, B layer; only for formats that have one.
-    pub fn rgb_size(&self) -> u32 {
-        self.sizes[POINT_LAYERS]
+    /// The beginnings of those layers, in which the first `records` are sure to end but for odd data.
+    pub fn wanted_of_first(&self, rgb: bool, records: u64) -> Vec<Range<u64>> {
+        let cut = |range: Range<u64>| {
+            // Coders learn: the first records take more than their share.
+            let share = (range.end - range.start) * records / self.records;
+            range.start..range.end.min(range.start + 3 * share + 4096)
+        };
+        self.wanted(rgb).into_iter().map(cut).collect()
+    }
+
+    /// Sizes as the decoder wants them, of such layers: 0 for the point layers that are not among them.
+    pub fn sizes_of(ranges: &[Range<u64>]) -> Vec<u32> {
+        let mut sizes: Vec<u32> = ranges.iter().map(|range| (range.end - range.start) as u32).collect();
+        sizes.splice(WANTED_LAYERS..WANTED_LAYERS, [0; POINT_LAYERS - WANTED_LAYERS]);
+        sizes
     }
 
     /// Bytes of the layers that are decoded.
     pub fn needed_bytes(&self, rgb: bool) -> u64 {
-        let range = self.wanted_range();
-        range.end - range.start + if rgb { u64::from(self.rgb_size()) } else { 0 }
-    }
-
-    /// Where the wanted point layers lie in the file.
-    pub fn wanted_range(&self) -> Range<u64> {
-        self.start..self.start + self.wanted_sizes().iter().map(|&s| u64::from(s)).sum::<u64>()
-    }
-
-    /// Where the R, G, B layer lies in the file; only for formats that have one.
-    pub fn rgb_range(&self) -> Range<u64> {
-        let start = self.start + self.sizes[..POINT_LAYERS].iter().map(|&s| u64::from(s)).sum::<u64>();
-        start..start + u64::from(self.rgb_size())
+        self.wanted(rgb).iter().map(|range| range.end - range.start).sum()
     }
 }

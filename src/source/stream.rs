@@ -6,8 +6,9 @@ use std::{
     ops::Range,
 };
 
-/// Bytes that are read at a time.
+/// Bytes that are read at a time, and at first: often a few points at the start are all that is wanted.
 const READ_BYTES: u64 = 256 << 10;
+const FIRST_BYTES: u64 = 16 << 10;
 
 /// A buffered stream over a byte range; `UnexpectedEof` at its end. An error of the file itself travels
 /// inside the `io::Error`, see [`source_error`].
@@ -53,7 +54,8 @@ impl<'f> ByteStream<'f> {
 impl Read for ByteStream<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         if self.at == self.buf.len() && !self.rest.is_empty() {
-            let n = READ_BYTES.min(self.rest.end - self.rest.start);
+            let n = (2 * self.buf.len() as u64).clamp(FIRST_BYTES, READ_BYTES);
+            let n = n.min(self.rest.end - self.rest.start);
             self.buf.resize(n as usize, 0);
             self.at = 0;
             if let Err(e) = self.file.read_exact_at(&mut self.buf, self.rest.start) {
@@ -86,7 +88,7 @@ impl Read for ByteStream<'_> {
 pub(super) struct Splice<'f> {
     pub front: io::Cursor<Vec<u8>>,
     pub file: OpenFile<'f>,
-    pub ranges: [Range<u64>; 2],
+    pub ranges: Vec<Range<u64>>,
 }
 
 impl Read for Splice<'_> {

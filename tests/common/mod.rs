@@ -75,6 +75,11 @@ impl Setup {
     }
 }
 
+/// A folder in the place of the user's cache: tests leave that alone.
+pub fn cache() -> (&'static str, &'static str) {
+    ("LASRAY_CACHE", concat!(env!("CARGO_TARGET_TMPDIR"), "/cache"))
+}
+
 /// Runs `body` in `setup`, for the test called `test` (its path as `--exact` takes it). A test may call
 /// it several times, with other setups.
 pub fn run(test: &str, setup: Setup, body: impl FnOnce(Setup)) {

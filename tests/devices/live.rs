@@ -38,7 +38,7 @@ pub(super) fn tiles(folder: &Path) -> Vec<PathBuf> {
     (0..4).map(tile).collect()
 }
 
-fn options() -> LoadOptions {
+pub(super) fn options() -> LoadOptions {
     LoadOptions {
         cell: Some(CELL),
         placement: PlacementOptions::default(),
@@ -101,8 +101,12 @@ impl World {
         visibility: Visibility,
     ) -> World {
         let options = LoadOptions { cell: Some(cell), ..options() };
-        let Opening { inputs, grid, core, about } =
-            load::open(paths, &options, &mut Problems::default()).unwrap();
+        let opening = load::open(paths, &options, &mut Problems::default()).unwrap();
+        World::of(gpu, opening, means, access, visibility)
+    }
+
+    pub fn of(gpu: &Gpu, opening: Opening, means: Means, access: Access, visibility: Visibility) -> World {
+        let Opening { inputs, grid, core, about } = opening;
         World {
             live: Live::new(inputs, grid, core, means.host_bytes, means.threads, || ()),
             scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, grid.cell())

@@ -7,6 +7,9 @@ mod common;
 mod cut;
 mod derived;
 mod faults;
+mod known;
+#[path = "../common/lax.rs"]
+mod lax_writer;
 mod live;
 #[path = "../common/scene.rs"]
 mod scene;

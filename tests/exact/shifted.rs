@@ -24,7 +24,7 @@ fn render(input: &Path, output: &Path, arguments: &[String]) {
     let run = Command::new(env!("CARGO_BIN_EXE_lasray"))
         .arg("render")
         .args([input, Path::new("-o"), output])
-        .args(["--size", "320x180", "--quiet"])
+        .args(["--size", "320x180", "--quiet", "--no-cache"])
         .args(arguments)
         .output()
         .unwrap();
