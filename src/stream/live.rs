@@ -13,6 +13,8 @@ use crate::section::Packed;
 use std::collections::{HashMap, HashSet};
 use std::time::Duration;
 
+/// Bytes that one frame of something that moves may upload.
+pub const FRAME_BYTES: u64 = 4 << 20;
 /// Levels that the sparse sample's sections are coarser than the roots, at least: they are told apart by that.
 const SPARSE_ABOVE: u8 = 1;
 /// Points of the sample that a cell of its sections is to hold, about.

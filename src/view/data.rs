@@ -11,7 +11,7 @@ use crate::source::inputs;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::Budget;
 use crate::stream::builds::{OpenInput, cells_of};
-use crate::stream::live::{self, Live};
+use crate::stream::live::{self, FRAME_BYTES, Live};
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use crate::stream::table::Table;
@@ -21,8 +21,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Bytes that one frame may upload.
-const UPLOAD_BYTES: u64 = 4 << 20;
 /// How often progress is looked at, at least.
 const COUNT_EVERY: Duration = Duration::from_millis(100);
 
@@ -217,7 +215,7 @@ impl Data {
             let bounds = about.bounds;
             let floor = bounds.min.z - if lit { 0.1 * (bounds.max - bounds.min).max_element() } else { 1e6 };
             let sight = sight(camera, size, [z_scale, pivot], floor, 1.0)?;
-            let now = live.tick(scene, &sight, UPLOAD_BYTES)?;
+            let now = live.tick(scene, &sight, FRAME_BYTES)?;
             scene.flush()?;
             tick.changed |= now.changed;
             tick.is_busy = scene.is_busy();
