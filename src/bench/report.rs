@@ -994,6 +994,64 @@ pub(super) mod tests {
         report
     }
 
+    /// A flight with a slow first frame.
+    fn stream_row(path: &str) -> StreamRow {
+        let stat = |samples: &[f64]| Stat::of(samples.to_vec()).unwrap();
+        let streaming = StreamFrames {
+            frame_ms: stat(&[1234.5, 40.0, 44.0, 50.0]),
+            tick_ms: stat(&[0.11, 0.12, 0.13, 12.5]),
+            table_ms: stat(&[0.05; 4]),
+            trace_ms: None,
+            update_ms: None,
+            upload_bytes: stat(&[0.0, 4e6, 4e6, 1e6]),
+            wanted: stat(&[0.0, 20.0, 20.0, 20.0]),
+            ready: stat(&[0.0, 5.0, 10.0, 20.0]),
+        };
+        StreamRow {
+            kind: StreamKind::Stream,
+            data: "a long name".to_owned(),
+            points: 1_000_000,
+            cell: 0.25,
+            path: path.to_owned(),
+            frames: 4,
+            runs: 1,
+            size: [640, 360],
+            threads: 2,
+            device_bytes: 1 << 30,
+            host_bytes: 1 << 31,
+            resident: StreamFrames { frame_ms: stat(&[39.0, 40.0, 41.0, 42.0]), ..streaming.clone() },
+            streaming,
+            ratio_p95: 1.25,
+            ratios: vec![1.25],
+            waits: 0,
+            bytes_read: 123_456_789,
+            empty_frames: 1,
+            coarser_frames: 0,
+            not_resident: 0,
+        }
+    }
+
+    #[test]
+    fn streaming_is_shown() {
+        let mut report = Report::new("device", "driver", serde_json::Value::Null);
+        report.stream = vec![stream_row("slow"), stream_row("fast"), stream_row("turn")];
+        report.stream[1].waits = 3;
+        report.stream[1].ratio_p95 = 2.0;
+        let table = report.table();
+        println!("{table}");
+        assert!(table.lines().all(|line| line.chars().count() <= 110));
+        let line = table.lines().find(|line| line.starts_with("a long name slow")).unwrap();
+        assert!(line.contains("1.25x") && line.contains("1234") && line.ends_with("69 25 %"), "{line}");
+        assert!(table.contains("uploaded: a long name slow 9.0 MB, "));
+        assert!(table.contains("frames with nothing to show yet: a long name slow 1, "));
+        assert!(!table.contains("reduced detail"));
+        assert!(table.contains("frames that waited for streaming: 3 of 24\n"));
+        assert!(table.contains("largest ratio of 95th percentiles: 2.00x"));
+        let text = serde_json::to_string(&report).unwrap();
+        assert!(text.contains("\"kind\":\"stream\""));
+        assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
+    }
+
     #[test]
     fn percentiles() {
         let stat = Stat::of((1..=101).rev().map(f64::from).collect()).unwrap();

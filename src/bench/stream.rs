@@ -30,14 +30,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// The paths that move, in the order of reports.
-pub const PATHS: [PathKind; 6] = [
-    PathKind::Slow,
-    PathKind::Fast,
-    PathKind::Descent,
-    PathKind::Grazing,
-    PathKind::Random,
-    PathKind::Turn,
-];
+pub const PATHS: [PathKind; 6] =
+    [PathKind::Slow, PathKind::Fast, PathKind::Descent, PathKind::Grazing, PathKind::Random, PathKind::Turn];
 /// How much longer the slow frames (p95) may be while sections stream in.
 pub const MOST_RATIO: f64 = 1.5;
 /// Bytes uploaded between two looks while everything is fetched before it is measured.
@@ -341,22 +335,18 @@ impl<'a> Case<'a> {
         let name = path.name().unwrap_or("path");
         let (mut streaming, mut resident) = (Vec::new(), Vec::new());
         for run in 1..=options.runs {
-            let mut said = |what: &str| {
-                progress(&format!("{}: {name}, run {run} of {}: {what}", self.name, options.runs));
-            };
-            said("streaming");
+            let at = format!("{}: {name}, run {run} of {}", self.name, options.runs);
+            progress(&format!("{at}: streaming"));
             let mut live = self.start()?;
             streaming.push(self.flight(&mut live, &cameras)?);
-            let mut said = |what: &str| {
-                progress(&format!("{}: {name}, run {run} of {}: {what}", self.name, options.runs));
-            };
-            said("fetching the rest");
+            progress(&format!("{at}: fetching the rest"));
             live.restore_detail();
             for camera in &cameras {
                 self.complete(&mut live, camera)?;
             }
             live.pause(true);
             self.scene.settle()?;
+            progress(&format!("{at}: everything there"));
             // What the threads had begun is over by then.
             self.frame(&mut live, &cameras[0])?;
             resident.push(self.flight(&mut live, &cameras)?);
@@ -412,13 +402,8 @@ mod tests {
 
     #[test]
     fn flights_add_up() {
-        let frame = |ms: f64, ready| Frame {
-            frame_ms: ms,
-            ready,
-            wanted: 4,
-            coarser: 1.0,
-            ..Frame::default()
-        };
+        let frame =
+            |ms: f64, ready| Frame { frame_ms: ms, ready, wanted: 4, coarser: 1.0, ..Frame::default() };
         let a = Flight { frames: (1..=21).map(|n| frame(f64::from(n), 4)).collect(), ..Flight::default() };
         assert_eq!(p95(&a), 20.0);
         let b = Flight { frames: vec![frame(50.0, 1)], ..Flight::default() };

@@ -114,7 +114,15 @@ pub struct Args {
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..), requires = "stream", help_heading = "Streaming", value_name = "N")]
     runs: u32,
     /// Files that the synthetic town is made of
-    #[arg(long, value_enum, value_delimiter = ',', default_value = "las,laz", requires = "stream", help_heading = "Streaming", value_name = "KIND,…")]
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        default_value = "las,laz",
+        requires = "stream",
+        help_heading = "Streaming",
+        value_name = "KIND,…"
+    )]
     format: Vec<Kind>,
     /// Bytes of device memory for sections
     #[arg(long, default_value = "1GiB", value_parser = bytes, requires = "stream", help_heading = "Streaming", value_name = "BYTES")]

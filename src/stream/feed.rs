@@ -1,4 +1,7 @@
 //! Threads that read what is wanted: chunks into sections, finished sections into packed ones.
+//!
+//! The threads have the lowest priority, so one that holds the lock may not run for a while. What a frame tells them goes
+//! by letter therefore, and what they tell it by channels: a frame never waits for them.
 
 use super::bins::{Binner, Core, Shared, lock};
 use super::builds::{Builds, Finished, Job, Outcome, Progress, cells_of, placed};
@@ -10,7 +13,7 @@ use crossbeam_channel::{Receiver, Sender};
 use glam::DVec3;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 use thread_priority::{ThreadPriority, set_current_thread_priority};
@@ -57,17 +60,64 @@ struct State {
     sample: Option<Sample>,
 }
 
+/// What frames tell the threads.
+enum Letter {
+    /// See [`Builds::want`].
+    Want(Vec<SectionKey>),
+    /// See [`Builds::taken`].
+    Taken(SectionKey),
+}
+
+/// What the threads tell frames.
+enum News {
+    /// Something went wrong.
+    Error(String),
+    /// See [`Builds::take_corrected`].
+    Corrected(usize),
+}
+
 struct Inner {
     state: Mutex<State>,
     /// There may be something to do.
     work: Condvar,
     stop: AtomicBool,
     grid: Grid,
+    /// Not read yet.
+    letters: Receiver<Letter>,
+    news: Sender<News>,
+    /// No sparse sample is being taken.
+    sampled: AtomicBool,
 }
 
 impl Inner {
+    /// The state as all letters have made it.
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        self.read_letters(&mut state);
+        state
+    }
+
+    fn read_letters(&self, state: &mut State) {
+        let mut order = None;
+        for letter in self.letters.try_iter() {
+            match letter {
+                Letter::Want(keys) => order = Some(keys),
+                Letter::Taken(key) => state.builds.taken(key),
+            }
+        }
+        if let Some(order) = order {
+            state.builds.want(order);
+            self.work.notify_all();
+        }
+    }
+
+    /// Tells frames what has come up.
+    fn report(&self, builds: &mut Builds) {
+        let errors = builds.take_errors().into_iter().map(News::Error);
+        for news in errors.chain(builds.take_corrected().into_iter().map(News::Corrected)) {
+            // Nobody may be left to hear it.
+            let _ = self.news.send(news);
+        }
     }
 }
 
@@ -83,6 +133,8 @@ pub struct Feed {
     inner: Arc<Inner>,
     threads: Vec<JoinHandle<()>>,
     arrivals: Receiver<Arrival>,
+    letters: Sender<Letter>,
+    news: Receiver<News>,
 }
 
 /// [`Grid`] whose cells are those of a detail level.
@@ -103,11 +155,16 @@ impl Feed {
         threads: usize,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Feed {
+        let (letters, read) = crossbeam_channel::unbounded();
+        let (tell, news) = crossbeam_channel::unbounded();
         let inner = Arc::new(Inner {
             state: Mutex::new(State { paused: false, builds, core: Arc::new(core), sample: None }),
             work: Condvar::new(),
             stop: AtomicBool::new(false),
             grid,
+            letters: read,
+            news: tell,
+            sampled: AtomicBool::new(true),
         });
         let (send, arrivals) = crossbeam_channel::bounded(QUEUE);
         let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
@@ -117,7 +174,7 @@ impl Feed {
                 std::thread::spawn(move || work(&inner, &send, &*wake))
             })
             .collect();
-        Feed { inner, threads, arrivals }
+        Feed { inner, threads, arrivals, letters, news }
     }
 
     /// Points outside of these cells are left out from now on.
@@ -125,11 +182,47 @@ impl Feed {
         self.inner.lock().core = Arc::new(core);
     }
 
-    /// Looks at, or changes, what is being made.
+    /// Looks at, or changes, what is being made. Waits for a thread that does so too.
     pub fn with<R>(&self, look: impl FnOnce(&mut Builds) -> R) -> R {
         let result = look(&mut self.inner.lock().builds);
         self.inner.work.notify_all();
         result
+    }
+
+    /// What is wanted from now on, most urgent first; see [`Builds::want`].
+    pub fn want(&self, order: Vec<SectionKey>) {
+        self.tell(Letter::Want(order));
+    }
+
+    /// A finished section has arrived; see [`Builds::taken`].
+    pub fn taken(&self, key: SectionKey) {
+        self.tell(Letter::Taken(key));
+    }
+
+    fn tell(&self, letter: Letter) {
+        // The threads go when this does.
+        let _ = self.letters.send(letter);
+        self.nudge();
+    }
+
+    /// Wakes the threads where letters lie unread, unless one of them is awake and about to read them. Once a frame: a
+    /// thread that was about to sleep may have missed the last call.
+    pub fn nudge(&self) {
+        if !self.letters.is_empty() && !matches!(self.inner.state.try_lock(), Err(TryLockError::WouldBlock)) {
+            self.inner.work.notify_all();
+        }
+    }
+
+    /// What went wrong, and the files whose points turned out to lie elsewhere, since this was asked last.
+    pub fn take_news(&self) -> (Vec<String>, Vec<usize>) {
+        let (mut errors, mut corrected) = (Vec::new(), Vec::new());
+        for news in self.news.try_iter() {
+            match news {
+                News::Error(error) => errors.push(error),
+                News::Corrected(source) => corrected.push(source),
+            }
+        }
+        (errors, corrected)
     }
 
     /// Takes the sparse sample of all files that are shown, into sections of `level`.
@@ -139,6 +232,7 @@ impl Feed {
         let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
         let of_file = (SAMPLE_POINTS / left.len().max(1)).max(1);
         let change = state.builds.change();
+        self.inner.sampled.store(left.is_empty(), Ordering::Relaxed);
         state.sample = Some(Sample { level, of_file, left, busy: 0, sections: Arc::default(), change });
         drop(state);
         self.inner.work.notify_all();
@@ -157,7 +251,7 @@ impl Feed {
 
     /// Whether no sparse sample is being taken.
     pub fn is_sampled(&self) -> bool {
-        self.inner.lock().sample.as_ref().is_none_or(|sample| sample.left.is_empty() && sample.busy == 0)
+        self.inner.sampled.load(Ordering::Relaxed)
     }
 
     /// Waits for what arrives next.
@@ -165,9 +259,18 @@ impl Feed {
         self.arrivals.recv_timeout(timeout).ok()
     }
 
-    /// How far it is.
+    /// How far it is. Waits as [`Feed::with`] does.
     pub fn progress(&self) -> Progress {
         self.inner.lock().builds.progress()
+    }
+
+    /// The same, unless one would have to wait for it.
+    pub fn try_progress(&self) -> Option<Progress> {
+        match self.inner.state.try_lock() {
+            Ok(state) => Some(state.builds.progress()),
+            Err(TryLockError::Poisoned(state)) => Some(state.into_inner().builds.progress()),
+            Err(TryLockError::WouldBlock) => None,
+        }
     }
 }
 
@@ -194,6 +297,7 @@ fn next(inner: &Inner) -> Option<Task> {
         if inner.stop.load(Ordering::Relaxed) {
             return None;
         }
+        inner.read_letters(&mut state);
         if state.paused {
             state = inner.work.wait(state).unwrap_or_else(PoisonError::into_inner);
             continue;
@@ -228,7 +332,10 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
             Task::Pack(finished) => packs.push((finished, false)),
             Task::Chunk(job) => {
                 let outcome = read(&inner.grid, &core, &mut decoder, &mut binner, &job);
-                inner.lock().builds.done(job, outcome);
+                let mut state = inner.lock();
+                state.builds.done(job, outcome);
+                inner.report(&mut state.builds);
+                drop(state);
                 inner.work.notify_all();
             }
             Task::Sample { input, level, of_file, sections } => {
@@ -250,6 +357,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                     sample.busy -= 1;
                     if sample.busy == 0 && sample.left.is_empty() {
                         let sample = state.sample.take().expect("just seen");
+                        inner.sampled.store(true, Ordering::Relaxed);
                         packs.extend(lock(&sample.sections).drain().map(|(key, columns)| {
                             (Finished { key, columns, damaged: false, change: sample.change }, true)
                         }));

@@ -101,6 +101,10 @@ pub struct Live {
     news: bool,
     /// Levels of former and present sparse samples, to be taken off the device: other sections have those keys.
     purged: Vec<u8>,
+    /// What went wrong and was not told yet.
+    errors: Vec<String>,
+    /// Files whose points lie elsewhere than was believed.
+    corrected: Vec<usize>,
 }
 
 fn packed_bytes(packed: &Packed) -> u64 {
@@ -149,6 +153,8 @@ impl Live {
             stuck: false,
             news: false,
             purged: Vec::new(),
+            errors: Vec::new(),
+            corrected: Vec::new(),
         };
         live.look_at_files();
         live
@@ -225,7 +231,9 @@ impl Live {
     /// Does what can be done now for a camera that sees `sight`, uploading `most_bytes` at most.
     pub fn tick(&mut self, scene: &mut Scene, sight: &Sight, most_bytes: u64) -> Result<Tick, GpuError> {
         self.tick += 1;
-        let corrected = self.feed.with(Builds::take_corrected);
+        let (errors, mut corrected) = self.feed.take_news();
+        self.errors.extend(errors);
+        corrected.append(&mut self.corrected);
         if !corrected.is_empty() {
             self.files_changed(&corrected);
         }
@@ -281,7 +289,7 @@ impl Live {
     fn arrive(&mut self, arrival: Arrival) -> bool {
         let Arrival { key, packed, damaged, change, sparse } = arrival;
         if !sparse {
-            self.feed.with(|builds| builds.taken(key));
+            self.feed.taken(key);
         }
         let outdated = self.changes.iter().any(|&(since, source)| {
             since > change && (sparse || self.feed.with(|builds| builds.touches(source, key)))
@@ -476,9 +484,10 @@ impl Live {
         };
         let missing: Vec<_> = self.missing(scene).filter(|key| !there(key)).collect();
         if missing != self.asked {
-            self.feed.with(|builds| builds.want(missing.clone()));
+            self.feed.want(missing.clone());
             self.asked = missing;
         }
+        self.feed.nudge();
     }
 
     /// Begins to read nothing more, or goes on: where one picture matters more than the next.
@@ -501,9 +510,17 @@ impl Live {
         self.sparse_there
     }
 
-    /// How things stand.
+    /// How things stand. May wait for a thread that reads.
     pub fn status(&self, scene: &Scene) -> Status {
-        let progress = self.feed.progress();
+        self.status_with(scene, self.feed.progress())
+    }
+
+    /// The same, unless one would have to wait for it: for frames.
+    pub fn try_status(&self, scene: &Scene) -> Option<Status> {
+        Some(self.status_with(scene, self.feed.try_progress()?))
+    }
+
+    fn status_with(&self, scene: &Scene, progress: Progress) -> Status {
         let missing = self.missing(scene).count();
         let arrived: u64 = self.arrived.values().map(packed_bytes).sum();
         Status {
@@ -525,6 +542,9 @@ impl Live {
 
     /// What went wrong since this was asked last.
     pub fn take_errors(&mut self) -> Vec<String> {
-        self.feed.with(Builds::take_errors)
+        let (errors, corrected) = self.feed.take_news();
+        self.corrected.extend(corrected);
+        self.errors.extend(errors);
+        std::mem::take(&mut self.errors)
     }
 }

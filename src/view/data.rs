@@ -223,8 +223,10 @@ impl Data {
             let why = "the sections do not fit the device memory: give more with --device-memory";
             self.failed = now.stuck.then(|| why.to_owned());
         }
-        if tick.changed || self.counted.elapsed() > COUNT_EVERY {
-            self.now = live.status(scene);
+        if (tick.changed || self.counted.elapsed() > COUNT_EVERY)
+            && let Some(now) = live.try_status(scene)
+        {
+            self.now = now;
             self.counted = Instant::now();
         }
         let errors = live.take_errors();
