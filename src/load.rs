@@ -417,6 +417,15 @@ pub struct About {
     pub cell: f64,
 }
 
+impl About {
+    /// Where lit pictures of cells of `cell` end: a slab under the data, which low stray points do not make deeper.
+    pub fn floor(&self, cell: f64) -> f64 {
+        let (bounds, height) = (self.bounds, self.summary.height);
+        let low = bounds.min.z.max(height.p2 - (height.p98 - height.p2));
+        low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * cell
+    }
+}
+
 fn finish(
     bins: Bins,
     about: About,

@@ -1131,6 +1131,68 @@ fn bench_loads_as_the_thesis_does() {
 }
 
 #[test]
+fn bench_streams_and_no_frame_waits() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = "bench --stream --frames 6 --runs 2 --paths slow,fast --size 48x27 --points 60k --shade none --json a.json";
+    let ran = run(folder.path(), &words(arguments.split(' ')), &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.said);
+    assert!(ran.said.contains("las: slow, run 1 of 2: streaming"), "{}", ran.said);
+    assert!(ran.printed.contains("frames that waited for streaming: 0 of 96"), "{}", ran.printed);
+    assert!(ran.printed.lines().all(|line| line.chars().count() <= 110), "{}", ran.printed);
+    let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    for what in ["device", "driver", "commit", "settings"] {
+        assert!(!json[what].is_null(), "{what}");
+    }
+    assert!(json["rows"].as_array().unwrap().is_empty(), "nothing else was asked for");
+    let rows = json["stream"].as_array().unwrap();
+    let named: Vec<_> =
+        rows.iter().map(|row| [&row["data"], &row["path"]].map(|v| v.as_str().unwrap())).collect();
+    assert_eq!(named, [["las", "slow"], ["las", "fast"], ["laz", "slow"], ["laz", "fast"]]);
+    for row in rows {
+        assert_eq!((row["kind"].as_str(), row["waits"].as_u64()), (Some("stream"), Some(0)));
+        assert_eq!((row["frames"].as_u64(), row["runs"].as_u64()), (Some(6), Some(2)));
+        assert_eq!(row["ratios"].as_array().unwrap().len(), 2);
+        assert!(row["ratio_p95"].as_f64().unwrap() > 0.0);
+        // A small town fits.
+        assert_eq!((row["not_resident"].as_u64(), row["coarser_frames"].as_u64()), (Some(0), Some(0)));
+        let samples = |way: &str, what: &str| -> Vec<f64> {
+            let samples = row[way][what]["samples"].as_array().unwrap();
+            samples.iter().map(|v| v.as_f64().unwrap()).collect()
+        };
+        for way in ["streaming", "resident"] {
+            for what in ["frame_ms", "tick_ms", "table_ms", "upload_bytes", "wanted", "ready"] {
+                assert_eq!(samples(way, what).len(), 12, "{way} {what}");
+            }
+            let (frames, ticks) = (samples(way, "frame_ms"), samples(way, "tick_ms"));
+            assert!(frames.iter().zip(ticks).all(|(frame, tick)| *frame > tick && tick > 0.0));
+        }
+        assert_eq!(samples("resident", "ready"), samples("resident", "wanted"));
+        assert!(samples("resident", "wanted").iter().any(|&wanted| wanted > 0.0));
+        assert!(samples("resident", "upload_bytes").iter().all(|&bytes| bytes == 0.0));
+        // Each run begins with nothing.
+        assert_eq!([samples("streaming", "ready")[0], samples("streaming", "ready")[6]], [0.0; 2]);
+    }
+}
+
+#[test]
+fn bench_says_when_the_budget_holds_no_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let synth = words("synth town.las --points 400k --density 2".split(' '));
+    assert_eq!(run(folder.path(), &synth, &[]).code, Some(0));
+    let arguments = "bench --stream town.las --frames 8 --runs 1 --paths turn --size 320x180 --cell 0.25 -q \
+                     --device-memory 12MiB --json a.json";
+    let ran = run(folder.path(), &words(arguments.split_whitespace()), &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.said);
+    let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let row = &json["stream"][0];
+    assert_eq!((row["data"].as_str(), row["waits"].as_u64()), (Some("town"), Some(0)));
+    assert!(row["not_resident"].as_u64().unwrap() > 0, "{}", ran.printed);
+    assert!(ran.printed.contains("frames that should have been resident and were not: town turn"));
+}
+
+#[test]
 fn bench_names_wrong_arguments() {
     let folder = tempfile::tempdir().unwrap();
     let mut cases = vec![
@@ -1148,6 +1210,10 @@ fn bench_names_wrong_arguments() {
         ("--json nowhere/a.json", "nowhere/a.json: cannot be written there"),
         ("--ingest --plot a.svg", "no frames are measured"),
         ("--scaling --grid 16/1", "at least two levels"),
+        ("--runs 2", "--stream"),
+        ("--stream --runs 0", "0 is not in"),
+        ("--stream --device-memory much", "not a number of bytes"),
+        ("--stream --plot a.svg", "no frames are measured"),
         ("--device 99", "there is no device 99"),
     ];
     if cfg!(not(feature = "embree")) {

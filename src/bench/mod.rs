@@ -1,5 +1,5 @@
-//! The timing harness: the thesis' pipeline and ours on the same cells, the same camera paths, the same pixels; and
-//! reading, decoding and binning beside decoding alone.
+//! The timing harness: the thesis' pipeline and ours on the same cells, the same camera paths, the same pixels;
+//! reading, decoding and binning beside decoding alone; and frames while files stream in.
 
 mod cache;
 pub mod frames;
@@ -10,6 +10,7 @@ pub mod peer;
 pub mod plot;
 pub mod pool;
 pub mod report;
+pub mod stream;
 pub mod thesis;
 pub mod world;
 

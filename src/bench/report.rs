@@ -340,6 +340,92 @@ pub struct PeerRow {
     pub agree: f64,
 }
 
+/// Says `"kind": "stream"`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StreamKind {
+    /// Frames while files stream in.
+    #[default]
+    Stream,
+}
+
+/// Frames of a path, those of all runs one after the other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StreamFrames {
+    /// All of the frame by the host's clock, ms: from the camera until its picture is seen done.
+    pub frame_ms: Stat,
+    /// Of it, residency: what is wanted, what has arrived, uploads and derived passes submitted, ms.
+    pub tick_ms: Stat,
+    /// Of it, the section table, ms.
+    pub table_ms: Stat,
+    /// Passes of the picture by the device's clock, ms.
+    pub trace_ms: Option<Stat>,
+    /// Copies and derived passes that ended in the frame, by the device's clock, ms.
+    pub update_ms: Option<Stat>,
+    /// Copied to the device.
+    pub upload_bytes: Stat,
+    /// Sections that the camera wanted.
+    pub wanted: Stat,
+    /// Of those, what was there, or known to be empty, when the frame was drawn.
+    pub ready: Stat,
+}
+
+impl StreamFrames {
+    /// Share of the wanted sections that was there: mean over the frames, and the least.
+    pub fn ready_share(&self) -> [f64; 2] {
+        let pairs = self.ready.samples.iter().zip(&self.wanted.samples);
+        let shares: Vec<_> = pairs.map(|(r, w)| if *w > 0.0 { r / w } else { 1.0 }).collect();
+        let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+        [mean, shares.into_iter().fold(1.0, f64::min)]
+    }
+}
+
+/// A path flown while its files stream in, and with all that it wants there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StreamRow {
+    /// Always the same.
+    #[serde(default)]
+    pub kind: StreamKind,
+    /// Name of the data.
+    pub data: String,
+    /// Points in it.
+    pub points: u64,
+    /// Side of a cell, CRS units.
+    pub cell: f64,
+    /// Name of the camera path.
+    pub path: String,
+    /// Frames of a run.
+    pub frames: u32,
+    /// Runs; both ways in turn.
+    pub runs: u32,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Threads that read.
+    pub threads: u32,
+    /// Budget of device memory, bytes.
+    pub device_bytes: u64,
+    /// Budget of host memory, bytes.
+    pub host_bytes: u64,
+    /// With nothing there at first, threads reading.
+    pub streaming: StreamFrames,
+    /// With everything there, nothing being read.
+    pub resident: StreamFrames,
+    /// Streaming over resident, 95th percentiles of a run's frames: median of the runs.
+    pub ratio_p95: f64,
+    /// Run by run.
+    pub ratios: Vec<f64>,
+    /// Times that a frame waited for an upload: 0, or an error.
+    pub waits: u64,
+    /// Bytes of files read while streaming, all runs.
+    pub bytes_read: u64,
+    /// Streaming frames that had nothing to show yet.
+    pub empty_frames: u64,
+    /// Streaming frames in which cells were coarser than asked for, for lack of device memory.
+    pub coarser_frames: u64,
+    /// Resident frames that were not: something was missing, came, or was coarser. The budget is too small then.
+    pub not_resident: u64,
+}
+
 /// A configuration that was not run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Skipped {
@@ -383,6 +469,9 @@ pub struct Report {
     /// Other ray tracers.
     #[serde(default)]
     pub peer: Vec<PeerRow>,
+    /// Frames while files stream in.
+    #[serde(default)]
+    pub stream: Vec<StreamRow>,
     /// See [`Report::compare`].
     #[serde(default)]
     pub ratios: Vec<Ratios>,
@@ -402,6 +491,7 @@ impl Report {
             load: Vec::new(),
             scaling: Vec::new(),
             peer: Vec::new(),
+            stream: Vec::new(),
             ratios: Vec::new(),
         }
     }
@@ -491,6 +581,10 @@ impl Report {
                 cut(what, 43),
                 number(*ratio) + "x"
             );
+        }
+        if !self.stream.is_empty() {
+            out.push('\n');
+            stream_table(&mut out, &self.stream);
         }
         for row in &self.peer {
             let [peer, pool] = row.mrays_s.map(number);
@@ -691,6 +785,67 @@ fn ingest_table(out: &mut String, rows: &[IngestRow]) {
     }
 }
 
+fn stream_table(out: &mut String, rows: &[StreamRow]) {
+    let _ = writeln!(
+        out,
+        "{:<18}{:>7}{:>24}{:>24}{:>7}{:>21}{:>9}",
+        "streaming", "", "streaming frame ms", "resident frame ms", "p95", "tick ms", "ready"
+    );
+    let three = "median    p95    max";
+    let _ = writeln!(
+        out,
+        "{:<18}{:>7}{three:>24}{three:>24}{:>7}{three:>21}{:>9}",
+        "data, path", "frames", "ratio", "mean min"
+    );
+    let stat = |s: &Stat, width: usize| {
+        let each = [s.median, s.p95, s.max].map(|v| format!("{:>width$}", short(v)));
+        each.concat()
+    };
+    for row in rows {
+        let StreamRow { streaming, resident, .. } = row;
+        let [mean, least] = streaming.ready_share().map(|share| 100.0 * share);
+        let _ = writeln!(
+            out,
+            "{:<18}{:>7}{:>24}{:>24}{:>6}x{:>21}{:>9}",
+            cut(&format!("{} {}", row.data, row.path), 17),
+            format!("{}x{}", row.runs, row.frames),
+            stat(&streaming.frame_ms, 8),
+            stat(&resident.frame_ms, 8),
+            number(row.ratio_p95),
+            stat(&streaming.tick_ms, 7),
+            format!("{mean:.0} {least:.0} %")
+        );
+    }
+    let name = |row: &StreamRow| format!("{} {}", row.data, row.path);
+    let each = |of: &dyn Fn(&StreamRow) -> String| {
+        rows.iter().map(|row| format!("{} {}", name(row), of(row))).collect::<Vec<_>>()
+    };
+    let uploaded = |row: &StreamRow| bytes_text(row.streaming.upload_bytes.samples.iter().sum());
+    words(out, "uploaded", each(&uploaded).into_iter());
+    words(out, "read", each(&|row| bytes_text(row.bytes_read as f64)).into_iter());
+    let counted = |title: &str, out: &mut String, of: &dyn Fn(&StreamRow) -> u64| {
+        let some = rows.iter().filter(|row| of(row) > 0);
+        words(out, title, some.map(|row| format!("{} {}", name(row), of(row))));
+    };
+    counted("frames with nothing to show yet", out, &|row| row.empty_frames);
+    counted("frames of reduced detail, for lack of device memory", out, &|row| row.coarser_frames);
+    counted("frames that should have been resident and were not", out, &|row| row.not_resident);
+    let waits: u64 = rows.iter().map(|row| row.waits).sum();
+    let frames: u64 = rows.iter().map(|row| 2 * u64::from(row.runs) * u64::from(row.frames)).sum();
+    let _ = writeln!(out, "frames that waited for streaming: {waits} of {frames}");
+    let worst = rows.iter().map(|row| row.ratio_p95).fold(0.0, f64::max);
+    let _ = writeln!(out, "largest ratio of 95th percentiles: {}x", number(worst));
+}
+
+/// Two figures or three, never wider than 6.
+fn short(value: f64) -> String {
+    match value {
+        v if v < 9.995 => format!("{value:.2}"),
+        v if v < 99.95 => format!("{value:.1}"),
+        _ => format!("{value:.0}"),
+    }
+}
+
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / f64::from(count))
@@ -837,6 +992,64 @@ pub(super) mod tests {
             note: None,
         });
         report
+    }
+
+    /// A flight with a slow first frame.
+    fn stream_row(path: &str) -> StreamRow {
+        let stat = |samples: &[f64]| Stat::of(samples.to_vec()).unwrap();
+        let streaming = StreamFrames {
+            frame_ms: stat(&[1234.5, 40.0, 44.0, 50.0]),
+            tick_ms: stat(&[0.11, 0.12, 0.13, 12.5]),
+            table_ms: stat(&[0.05; 4]),
+            trace_ms: None,
+            update_ms: None,
+            upload_bytes: stat(&[0.0, 4e6, 4e6, 1e6]),
+            wanted: stat(&[0.0, 20.0, 20.0, 20.0]),
+            ready: stat(&[0.0, 5.0, 10.0, 20.0]),
+        };
+        StreamRow {
+            kind: StreamKind::Stream,
+            data: "a long name".to_owned(),
+            points: 1_000_000,
+            cell: 0.25,
+            path: path.to_owned(),
+            frames: 4,
+            runs: 1,
+            size: [640, 360],
+            threads: 2,
+            device_bytes: 1 << 30,
+            host_bytes: 1 << 31,
+            resident: StreamFrames { frame_ms: stat(&[39.0, 40.0, 41.0, 42.0]), ..streaming.clone() },
+            streaming,
+            ratio_p95: 1.25,
+            ratios: vec![1.25],
+            waits: 0,
+            bytes_read: 123_456_789,
+            empty_frames: 1,
+            coarser_frames: 0,
+            not_resident: 0,
+        }
+    }
+
+    #[test]
+    fn streaming_is_shown() {
+        let mut report = Report::new("device", "driver", serde_json::Value::Null);
+        report.stream = vec![stream_row("slow"), stream_row("fast"), stream_row("turn")];
+        report.stream[1].waits = 3;
+        report.stream[1].ratio_p95 = 2.0;
+        let table = report.table();
+        println!("{table}");
+        assert!(table.lines().all(|line| line.chars().count() <= 110));
+        let line = table.lines().find(|line| line.starts_with("a long name slow")).unwrap();
+        assert!(line.contains("1.25x") && line.contains("1234") && line.ends_with("69 25 %"), "{line}");
+        assert!(table.contains("uploaded: a long name slow 9.0 MB, "));
+        assert!(table.contains("frames with nothing to show yet: a long name slow 1, "));
+        assert!(!table.contains("reduced detail"));
+        assert!(table.contains("frames that waited for streaming: 3 of 24\n"));
+        assert!(table.contains("largest ratio of 95th percentiles: 2.00x"));
+        let text = serde_json::to_string(&report).unwrap();
+        assert!(text.contains("\"kind\":\"stream\""));
+        assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `lasray bench`: the timing harness.
 
-use super::render::{positive, size, usage_of_load};
+use super::render::{bytes, positive, size, usage_of_load};
 use super::synth::count;
 use super::{Outcome, UsageError};
 use crate::attribute::{ClassMask, ColorTable};
@@ -8,6 +8,7 @@ use crate::bench::frames::{self, Options, PoolRun, Stopped, ThesisRun};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::load as loading;
 use crate::bench::report::{Pipeline, Report, Row, ScalingRow, Skipped, Stat};
+use crate::bench::stream;
 use crate::bench::thesis::{Config, Thesis};
 use crate::bench::world::World;
 use crate::bench::{self, FrameTimes, plot};
@@ -15,7 +16,7 @@ use crate::coords::SECTION_SIDE;
 use crate::gpu::{Gpu, GpuError, GpuOptions};
 use crate::load::{self, LoadOptions};
 use crate::problems::Problems;
-use crate::render::frame::{FrameError, check_size};
+use crate::render::frame::{FrameError, Shade, check_size};
 use crate::render::path::{CameraPath, PathKind};
 use crate::source::crs::Unit;
 use crate::source::inputs;
@@ -26,8 +27,9 @@ use crate::synth;
 use anyhow::Context;
 use serde_json::json;
 use std::ffi::OsString;
-use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Share of pixels in which the pipelines' pictures may differ.
 const MOST_DIFFER: f64 = 1e-3;
@@ -41,6 +43,11 @@ const INGEST_POINTS: u64 = 20_000_000;
 const LOAD_POINTS: u64 = 4_000_000;
 /// Runs that figures of loading and of scaling are medians of.
 const LOAD_RUNS: u32 = 3;
+/// Points of each town that is streamed, in a square metre and in all.
+const STREAM_POINTS: u64 = 20_000_000;
+const STREAM_DENSITY: f64 = 8.0;
+/// Frames of a path that is streamed.
+const STREAM_FRAMES: u32 = 120;
 /// Pixels of a frame.
 const SIZE: [u32; 2] = [640, 360];
 /// Pixels that a peer traces.
@@ -74,16 +81,22 @@ pub struct Args {
     #[arg(long, help_heading = "Parts")]
     peer: bool,
 
+    /// Frames while files stream in beside the same frames with everything there: whether any waits, and how
+    /// much longer they take
+    #[arg(long, help_heading = "Parts")]
+    stream: bool,
+
     /// Configurations GRID/LEVELS [default: 32/8]
     #[arg(long, value_delimiter = ',', value_parser = config, help_heading = "Frames", value_name = "G/L,…")]
     grid: Vec<Config>,
-    /// Camera paths [default: all, or none beside --path]
+    /// Camera paths [default: all, with --stream those that move; none beside --path]
     #[arg(long, value_enum, value_delimiter = ',', help_heading = "Frames", value_name = "NAME,…")]
     paths: Vec<PathKind>,
     /// Camera path files to fly, see docs/camera-paths.md
     #[arg(long, help_heading = "Frames", value_name = "FILE")]
     path: Vec<PathBuf>,
-    /// Frames of each path to draw, spread evenly over it [default: all]; sections stream in all of them
+    /// Frames of each path to draw, spread evenly over it [default: all, with --stream 120]; but for --stream,
+    /// sections stream in all of them
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Frames", value_name = "N")]
     frames: Option<u32>,
     /// Width and height in pixels [default: 640x360, with --peer alone 1920x1080]
@@ -94,11 +107,35 @@ pub struct Args {
     #[arg(long, default_value = "8x32", value_parser = size, help_heading = "Frames", value_name = "WxH")]
     strip: [u32; 2],
 
+    /// Light
+    #[arg(long, value_enum, default_value = "lit", requires = "stream", help_heading = "Streaming")]
+    shade: Shade,
+    /// Times that each path is flown both ways, in turn
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..), requires = "stream", help_heading = "Streaming", value_name = "N")]
+    runs: u32,
+    /// Files that the synthetic town is made of
+    #[arg(
+        long,
+        value_enum,
+        value_delimiter = ',',
+        default_value = "las,laz",
+        requires = "stream",
+        help_heading = "Streaming",
+        value_name = "KIND,…"
+    )]
+    format: Vec<Kind>,
+    /// Bytes of device memory for sections
+    #[arg(long, default_value = "1GiB", value_parser = bytes, requires = "stream", help_heading = "Streaming", value_name = "BYTES")]
+    device_memory: u64,
+    /// Bytes of host memory for sections
+    #[arg(long, default_value = "2GiB", value_parser = bytes, requires = "stream", help_heading = "Streaming", value_name = "BYTES")]
+    host_memory: u64,
+
     /// Side of a cell, CRS units
     #[arg(long, default_value_t = 0.25, value_parser = positive, help_heading = "Data")]
     cell: f64,
     /// Points of synthetic data; 500k and 2M are understood [default: 2 a cell of 4096x4096; for
-    /// --ingest and --scaling 20M, for --load 4M]
+    /// --ingest, --scaling and --stream 20M, for --load 4M]
     #[arg(long, value_parser = count, help_heading = "Data")]
     points: Option<u64>,
     /// Which town, which random path
@@ -129,8 +166,33 @@ pub struct Args {
 const HELP: &str = "\
 Without a part: frames. Both pipelines trace the same cells along the same paths; the land repeats without end.
 Times are device timestamps where the device has them; docs/performance.md says what is measured and how.
-Exit codes: 0 done; 1 failed, stopped, or pictures that differ in more than 0.1 % of the pixels; 2 wrong arguments.
+
+--stream: each path is flown from nothing, frame upon frame, while threads read the files; then what all of its
+cameras want is fetched, reading stops, and the same frames are drawn again. Both in turn, --runs times; the ratio is
+the median of the runs' own, the other figures are over the frames of all runs. The fast path goes back and forth over
+the data, 256 cells a frame. Shaders are compiled before.
+
+Exit codes: 0 done; 1 failed, stopped, a frame that waited for streaming, or pictures that differ in more than 0.1 % of
+the pixels; 2 wrong arguments.
 ";
+
+/// Files of a synthetic town.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Kind {
+    /// Records as they are.
+    Las,
+    /// Compressed.
+    Laz,
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Kind::Las => "las",
+            Kind::Laz => "laz",
+        }
+    }
+}
 
 /// `32/8`: a power of two, and levels.
 fn config(text: &str) -> Result<Config, String> {
@@ -167,10 +229,10 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     if args.peer && cfg!(not(feature = "embree")) {
         return Err(usage(&"--peer: this build is without Embree (cargo build --features embree)"));
     }
-    let parts = args.ingest || args.load || args.scaling || args.peer;
-    // What chooses frames for --scaling too asks for none of its own.
-    let chosen = !args.grid.is_empty() || !args.paths.is_empty();
-    let draws = !parts || args.table || !files.is_empty() || chosen && !args.scaling;
+    let parts = args.ingest || args.load || args.scaling || args.peer || args.stream;
+    // What chooses frames for --scaling and --stream too asks for none of its own.
+    let chosen = !args.grid.is_empty() || !args.paths.is_empty() && !args.stream;
+    let draws = !parts || args.table || !files.is_empty() && !args.stream || chosen && !args.scaling;
     if args.scaling && args.grid.first().is_some_and(|config| config.levels < 2) {
         return Err(usage(&"--scaling: a configuration of at least two levels is needed"));
     }
@@ -202,12 +264,19 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         "points": args.points,
         "seed": args.seed,
         "frames": args.frames,
+        "shade": args.stream.then(|| format!("{:?}", args.shade).to_lowercase()),
+        "runs": args.stream.then_some(args.runs),
+        "device_memory": args.stream.then_some(args.device_memory),
+        "host_memory": args.stream.then_some(args.host_memory),
     });
     let mut report = Report::new(&gpu.info().name, &gpu.info().driver, settings);
     let mut harness = Harness { args: &args, size, gpu: &gpu, report: &mut report };
     let mut result = Ok(());
     if draws {
-        result = harness.frames(files);
+        result = harness.frames(files.clone());
+    }
+    if args.stream && result.is_ok() {
+        result = harness.stream(files);
     }
     if args.ingest && result.is_ok() {
         result = harness.ingest();
@@ -234,6 +303,8 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         plot::write(&report, file).map_err(|e| anyhow::anyhow!("{}: {e}", file.display()))?;
     }
     result?;
+    let waits: u64 = report.stream.iter().map(|row| row.waits).sum();
+    anyhow::ensure!(waits == 0, "frames waited for streaming {waits} times");
     let differ = report.rows.iter().filter_map(|row| row.differ).fold(0.0, f64::max);
     anyhow::ensure!(
         differ <= MOST_DIFFER,
@@ -429,6 +500,69 @@ impl Harness<'_> {
         }
     }
 
+    /// Frames while files stream in, and with everything there.
+    fn stream(&mut self, files: Vec<CameraPath>) -> anyhow::Result<()> {
+        let args = self.args;
+        let options = stream::Options {
+            size: self.size,
+            frames: args.frames.unwrap_or(STREAM_FRAMES),
+            runs: args.runs,
+            shade: args.shade,
+            device_bytes: args.device_memory.min(self.gpu.info().memory_bytes / 8 * 7),
+            host_bytes: args.host_memory,
+            load: LoadOptions { quiet: true, ..load_options(args) },
+            stop: &STOP,
+        };
+        let kinds = match &args.paths[..] {
+            [] if files.is_empty() => &stream::PATHS[..],
+            chosen => chosen,
+        };
+        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+        let mut data = Vec::new();
+        match &args.inputs[..] {
+            [] => {
+                let points = args.points.unwrap_or(STREAM_POINTS);
+                for &kind in &args.format {
+                    self.say(format_args!("writing {points} points as {}", kind.name()));
+                    data.push((kind.name().to_owned(), write_town(folder.path(), kind, args.seed, points)?));
+                }
+            }
+            inputs => {
+                let name = Path::new(&inputs[0]).file_stem().unwrap_or_default();
+                data.push((name.to_string_lossy().into_owned(), self.files()?));
+            }
+        }
+        for (name, inputs) in data {
+            let mut problems = Problems::default();
+            let case = stream::Case::open(self.gpu, name, inputs, &options, &mut problems);
+            let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
+            let mut case = case.map_err(|error| match error.downcast() {
+                Ok(error) => usage_of_load(error),
+                Err(error) => error,
+            })?;
+            let mut paths = Vec::new();
+            for &kind in kinds {
+                paths.push(case.path(kind, args.seed)?);
+            }
+            for path in &files {
+                let placed = path.placed(|v| case.placement().place(v.x, v.y, v.z));
+                paths.push(placed.map_err(|e| UsageError(format!("camera path: {e}")))?);
+            }
+            self.say(format_args!("{} points, compiling", case.points()));
+            let first = paths[0].camera(0)?;
+            case.warm_up(&first)?;
+            for path in &paths {
+                let row = case.fly(path, &mut |what| self.say(format_args!("{what}")))?;
+                self.say(format_args!(
+                    "{} {}: p95 {:.1} ms streaming, {:.1} ms resident; {} waits",
+                    row.data, row.path, row.streaming.frame_ms.p95, row.resident.frame_ms.p95, row.waits
+                ));
+                self.report.stream.push(row);
+            }
+        }
+        Ok(())
+    }
+
     /// The thesis' loading and ours.
     fn load(&mut self) -> anyhow::Result<()> {
         let args = self.args;
@@ -547,6 +681,37 @@ impl Harness<'_> {
         let rows = ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP)?;
         self.report.ingest = rows;
         Ok(())
+    }
+}
+
+/// Tiles of a town in `folder`, on all cores.
+fn write_town(folder: &Path, kind: Kind, seed: u64, points: u64) -> anyhow::Result<Vec<PathBuf>> {
+    let side = (points as f64 / STREAM_DENSITY).sqrt();
+    let tiles = synth::square([-side / 2.0; 2], side, points);
+    let town = synth::Town::new(seed);
+    let files: Vec<_> =
+        (0..tiles.len()).map(|k| folder.join(format!("town{k:02}.{}", kind.name()))).collect();
+    let (next, failed) = (AtomicUsize::new(0), Mutex::new(None));
+    std::thread::scope(|scope| {
+        for _ in 0..load::threads() {
+            scope.spawn(|| {
+                loop {
+                    let k = next.fetch_add(1, Ordering::Relaxed);
+                    let (Some(tile), Some(file)) = (tiles.get(k), files.get(k)) else { return };
+                    let compress = kind == Kind::Laz;
+                    let format = synth::Format::Seven;
+                    if let Err(error) = synth::write_tile(&town, tile, file, format, compress, &STOP, |_| ())
+                    {
+                        *failed.lock().unwrap_or_else(|e| e.into_inner()) = Some(error);
+                        return;
+                    }
+                }
+            });
+        }
+    });
+    match failed.into_inner().unwrap_or_else(|e| e.into_inner()) {
+        None => Ok(files),
+        Some(error) => Err(error.into()),
     }
 }
 

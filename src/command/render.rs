@@ -591,13 +591,11 @@ fn draw(
         }
         Data::Live(Opening { inputs, grid, core, about }) => (grid, about, Content::Live(inputs, core)),
     };
+    let floor = about.floor(grid.cell());
     let About { bounds, summary, color, crs, unit, placement, .. } = about;
     let pivot = bounds.min.z;
     let shown = bounds.exaggerated(args.z_scale, pivot);
     let place = |v: DVec3| placement.place(v.x, v.y, v.z);
-    // A slab under the data; low stray points do not make it deeper.
-    let low = bounds.min.z.max(summary.height.p2 - (summary.height.p98 - summary.height.p2));
-    let floor = low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * grid.cell();
     let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
     let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
     let (cameras, size) = match film {

@@ -363,6 +363,9 @@ const WIDE_TILE: u32 = 64;
 const BYTES_PER_BEAM: u64 = 4;
 
 const BYTES_PER_PIXEL: u64 = 16;
+/// Of the buffer of a section table: one that is made anew while sections arrive costs a frame, on lavapipe even a new
+/// translation of the passes that read it.
+const LEAST_TABLE_BYTES: u64 = 1 << 20;
 const FACE_TOP: u32 = 0;
 
 /// Pixels a workgroup covers; `dealt_pixel` of `shaders/frame.glsl` takes it that they are 8 × 8.
@@ -722,7 +725,7 @@ impl Renderer {
                 let make = |name: &str, size| Buffer::new(&gpu, name, MemoryKind::Upload, size);
                 InFlight {
                     frame: make("frame constants", size_of::<FrameConstants>() as u64)?,
-                    table: make("section table", table_bytes.len() as u64)?,
+                    table: make("section table", LEAST_TABLE_BYTES.max(table_bytes.len() as u64))?,
                     ramp: make("colour ramp", 256 * 16)?,
                 }
             }

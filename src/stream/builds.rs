@@ -546,11 +546,6 @@ impl Builds {
         std::mem::take(&mut self.errors)
     }
 
-    /// Whether [`Builds::take_corrected`] has something to give.
-    pub fn is_corrected(&self) -> bool {
-        !self.corrected.is_empty()
-    }
-
     /// What is not as it should be, since this was asked last.
     pub fn take_warnings(&mut self) -> Vec<String> {
         std::mem::take(&mut self.warnings)

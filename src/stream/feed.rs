@@ -1,4 +1,7 @@
 //! Threads that read what is wanted: chunks into sections, finished sections into packed ones.
+//!
+//! The threads have the lowest priority, so one that holds the lock may not run for a while. What a frame tells them goes
+//! by letter therefore, and what they tell it by channels: a frame never waits for them.
 
 use super::bins::{Binner, Core, Shared, lock};
 use super::builds::{Builds, Finished, Job, Outcome, Progress};
@@ -12,7 +15,7 @@ use crate::source::{Decoder, PointBlock};
 use crossbeam_channel::{Receiver, Sender};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use thread_priority::{ThreadPriority, set_current_thread_priority};
@@ -64,17 +67,68 @@ struct State {
     cache: Option<(Arc<Cache>, Instant)>,
 }
 
+/// What frames tell the threads.
+enum Letter {
+    /// See [`Builds::want`].
+    Want(Vec<SectionKey>),
+    /// See [`Builds::taken`].
+    Taken(SectionKey),
+}
+
+/// What the threads tell frames.
+pub enum News {
+    /// Something went wrong.
+    Error(String),
+    /// Something is not as it should be, but takes nothing away.
+    Warning(String),
+    /// See [`Builds::take_corrected`].
+    Corrected(usize),
+}
+
 struct Inner {
     state: Mutex<State>,
     /// There may be something to do.
     work: Condvar,
     stop: AtomicBool,
     grid: Grid,
+    /// Not read yet.
+    letters: Receiver<Letter>,
+    news: Sender<News>,
+    /// No sparse sample is being taken.
+    sampled: AtomicBool,
 }
 
 impl Inner {
+    /// The state as all letters have made it.
     fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        self.read_letters(&mut state);
+        state
+    }
+
+    fn read_letters(&self, state: &mut State) {
+        let mut order = None;
+        for letter in self.letters.try_iter() {
+            match letter {
+                Letter::Want(keys) => order = Some(keys),
+                Letter::Taken(key) => state.builds.taken(key),
+            }
+        }
+        if let Some(order) = order {
+            state.builds.want(order);
+            self.work.notify_all();
+        }
+    }
+
+    /// Tells frames what has come up.
+    fn report(&self, builds: &mut Builds) {
+        let errors = builds.take_errors().into_iter().map(News::Error);
+        let warnings = builds.take_warnings().into_iter().map(News::Warning);
+        let corrected = builds.take_corrected().into_iter().map(News::Corrected);
+        for news in errors.chain(warnings).chain(corrected) {
+            // Nobody may be left to hear it.
+            let _ = self.news.send(news);
+        }
     }
 }
 
@@ -97,6 +151,8 @@ pub struct Feed {
     inner: Arc<Inner>,
     threads: Vec<JoinHandle<()>>,
     arrivals: Receiver<Arrival>,
+    letters: Sender<Letter>,
+    news: Receiver<News>,
 }
 
 /// [`Grid`] whose cells are those of a detail level.
@@ -117,6 +173,8 @@ impl Feed {
         threads: usize,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Feed {
+        let (letters, read) = crossbeam_channel::unbounded();
+        let (tell, news) = crossbeam_channel::unbounded();
         let inner = Arc::new(Inner {
             state: Mutex::new(State {
                 paused: false,
@@ -129,6 +187,9 @@ impl Feed {
             work: Condvar::new(),
             stop: AtomicBool::new(false),
             grid,
+            letters: read,
+            news: tell,
+            sampled: AtomicBool::new(true),
         });
         let (send, arrivals) = crossbeam_channel::bounded(QUEUE);
         let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
@@ -138,7 +199,7 @@ impl Feed {
                 std::thread::spawn(move || work(&inner, &send, &*wake))
             })
             .collect();
-        Feed { inner, threads, arrivals }
+        Feed { inner, threads, arrivals, letters, news }
     }
 
     /// Points outside of these cells are left out from now on.
@@ -151,11 +212,45 @@ impl Feed {
         self.inner.lock().cache = Some((Arc::new(cache), Instant::now()));
     }
 
-    /// Looks at, or changes, what is being made.
+    /// Looks at, or changes, what is being made. Waits for a thread that does so too.
     pub fn with<R>(&self, look: impl FnOnce(&mut Builds) -> R) -> R {
         let result = look(&mut self.inner.lock().builds);
         self.inner.work.notify_all();
         result
+    }
+
+    /// What is wanted from now on, most urgent first; see [`Builds::want`].
+    pub fn want(&self, order: Vec<SectionKey>) {
+        self.tell(Letter::Want(order));
+    }
+
+    /// A finished section has arrived; see [`Builds::taken`].
+    pub fn taken(&self, key: SectionKey) {
+        self.tell(Letter::Taken(key));
+    }
+
+    fn tell(&self, letter: Letter) {
+        // The threads go when this does.
+        let _ = self.letters.send(letter);
+        self.nudge();
+    }
+
+    /// Wakes the threads where letters lie unread, unless one of them is awake and about to read them. Once a frame: a
+    /// thread that was about to sleep may have missed the last call.
+    pub fn nudge(&self) {
+        if !self.letters.is_empty() && !matches!(self.inner.state.try_lock(), Err(TryLockError::WouldBlock)) {
+            self.inner.work.notify_all();
+        }
+    }
+
+    /// What has come up since this was asked last.
+    pub fn news(&self) -> impl Iterator<Item = News> {
+        self.news.try_iter()
+    }
+
+    /// Whether something has. What is told of a chunk is told before a section that it was in arrives.
+    pub fn has_news(&self) -> bool {
+        !self.news.is_empty()
     }
 
     /// Takes the sparse sample of all files that are shown, into sections of `level`.
@@ -165,7 +260,15 @@ impl Feed {
         let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
         let most = sparse::points_of_file(left.len());
         let change = state.builds.change();
-        state.sample = Some(Sample { level, most, left, busy: 0, sections: Arc::default(), change });
+        self.inner.sampled.store(left.is_empty(), Ordering::Relaxed);
+        state.sample = (!left.is_empty()).then(|| Sample {
+            level,
+            most,
+            left,
+            busy: 0,
+            sections: Arc::default(),
+            change,
+        });
         drop(state);
         self.inner.work.notify_all();
     }
@@ -183,7 +286,7 @@ impl Feed {
 
     /// Whether no sparse sample is being taken: all of the last one has arrived, or waits to be taken.
     pub fn is_sampled(&self) -> bool {
-        self.inner.lock().sample.is_none()
+        self.inner.sampled.load(Ordering::Relaxed)
     }
 
     /// Waits for what arrives next.
@@ -191,9 +294,18 @@ impl Feed {
         self.arrivals.recv_timeout(timeout).ok()
     }
 
-    /// How far it is.
+    /// How far it is. Waits as [`Feed::with`] does.
     pub fn progress(&self) -> Progress {
         self.inner.lock().builds.progress()
+    }
+
+    /// The same, unless one would have to wait for it.
+    pub fn try_progress(&self) -> Option<Progress> {
+        match self.inner.state.try_lock() {
+            Ok(state) => Some(state.builds.progress()),
+            Err(TryLockError::Poisoned(state)) => Some(state.into_inner().builds.progress()),
+            Err(TryLockError::WouldBlock) => None,
+        }
     }
 }
 
@@ -226,6 +338,7 @@ fn next(inner: &Inner) -> Option<Task> {
         if inner.stop.load(Ordering::Relaxed) {
             return None;
         }
+        inner.read_letters(&mut state);
         if state.paused {
             state = inner.work.wait(state).unwrap_or_else(PoisonError::into_inner);
             continue;
@@ -262,7 +375,10 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
             Task::Pack(finished) => packs.push((finished, false)),
             Task::Chunk(job) => {
                 let outcome = read(&inner.grid, &core, &mut decoder, &mut binner, &job);
-                inner.lock().builds.done(job, outcome);
+                let mut state = inner.lock();
+                state.builds.done(job, outcome);
+                inner.report(&mut state.builds);
+                drop(state);
                 inner.work.notify_all();
                 look_after(inner);
             }
@@ -277,6 +393,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 let mut state = inner.lock();
                 let State { builds, sample, sparse, .. } = &mut *state;
                 builds.saw(source, of_file.bounds());
+                inner.report(builds);
                 sparse.insert(source, of_file);
                 let of_last = |sample: &Sample| Arc::ptr_eq(&sample.sections, &sections);
                 if let Some(sample) = sample.as_mut().filter(|sample| of_last(sample)) {
@@ -307,7 +424,10 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
         }
         if let Some(sections) = sampled {
             let mut state = inner.lock();
-            state.sample = state.sample.take().filter(|sample| !Arc::ptr_eq(&sample.sections, &sections));
+            if state.sample.as_ref().is_some_and(|sample| Arc::ptr_eq(&sample.sections, &sections)) {
+                state.sample = None;
+                inner.sampled.store(true, Ordering::Relaxed);
+            }
             drop(state);
             wake();
         }

@@ -3,7 +3,7 @@
 
 use super::bins::Core;
 use super::builds::{Builds, OpenInput, Progress};
-use super::feed::{Arrival, Feed};
+use super::feed::{Arrival, Feed, News};
 use super::motion::Motion;
 use super::pool::section_bytes;
 use super::residency::{Cut, Domain, MOST_LEVEL, MOST_NODES, Shown, Sight};
@@ -16,6 +16,8 @@ use crate::source::learned::Cache;
 use std::collections::{HashMap, HashSet};
 use std::time::{Duration, Instant};
 
+/// Bytes that one frame of something that moves may upload.
+pub const FRAME_BYTES: u64 = 4 << 20;
 /// Levels that the sparse sample's sections are coarser than the roots, at least: they are told apart by that.
 const SPARSE_ABOVE: u8 = 1;
 /// Points of the sample that a cell of its sections is to hold, about.
@@ -108,6 +110,12 @@ pub struct Live {
     news: bool,
     /// Levels of former and present sparse samples, to be taken off the device: other sections have those keys.
     purged: Vec<u8>,
+    /// What went wrong and was not told yet.
+    errors: Vec<String>,
+    /// The same, where nothing is lost by it.
+    warnings: Vec<String>,
+    /// Files whose points lie elsewhere than was believed.
+    corrected: Vec<usize>,
 }
 
 fn packed_bytes(packed: &Packed) -> u64 {
@@ -160,6 +168,9 @@ impl Live {
             stuck: false,
             news: false,
             purged: Vec::new(),
+            errors: Vec::new(),
+            warnings: Vec::new(),
+            corrected: Vec::new(),
         };
         live.look_at_files();
         live
@@ -252,7 +263,8 @@ impl Live {
     /// Does what can be done now for a camera that sees `sight`, uploading `most_bytes` at most.
     pub fn tick(&mut self, scene: &mut Scene, sight: &Sight, most_bytes: u64) -> Result<Tick, GpuError> {
         self.tick += 1;
-        let corrected = self.feed.with(Builds::take_corrected);
+        self.take_news();
+        let corrected = std::mem::take(&mut self.corrected);
         if !corrected.is_empty() {
             self.files_changed(&corrected);
         }
@@ -294,9 +306,7 @@ impl Live {
         self.ask(scene);
         self.sparse_there |= self.feed.is_sampled();
         // A correction that has come meanwhile takes something away that seems to be there.
-        let complete = self.sparse_there
-            && self.missing(scene).next().is_none()
-            && !self.feed.with(|builds| builds.is_corrected());
+        let complete = self.sparse_there && self.missing(scene).next().is_none() && !self.feed.has_news();
         Ok(Tick { changed, complete, stuck: self.stuck })
     }
 
@@ -327,7 +337,7 @@ impl Live {
     fn arrive(&mut self, arrival: Arrival) -> bool {
         let Arrival { key, packed, damaged, change, sparse } = arrival;
         if !sparse {
-            self.feed.with(|builds| builds.taken(key));
+            self.feed.taken(key);
         }
         let outdated = self.changes.iter().any(|&(since, source)| {
             since > change && (sparse || self.feed.with(|builds| builds.touches(source, key)))
@@ -569,9 +579,10 @@ impl Live {
         let soon = self.ahead.iter().copied().filter(|&key| !self.is_there(scene, key));
         let missing: Vec<_> = self.missing(scene).chain(soon).filter(|key| !there(key)).collect();
         if missing != self.asked {
-            self.feed.with(|builds| builds.want(missing.clone()));
+            self.feed.want(missing.clone());
             self.asked = missing;
         }
+        self.feed.nudge();
     }
 
     /// Begins to read nothing more, or goes on: where one picture matters more than the next.
@@ -594,9 +605,17 @@ impl Live {
         self.sparse_there
     }
 
-    /// How things stand.
+    /// How things stand. May wait for a thread that reads.
     pub fn status(&self, scene: &Scene) -> Status {
-        let progress = self.feed.progress();
+        self.status_with(scene, self.feed.progress())
+    }
+
+    /// The same, unless one would have to wait for it: for frames.
+    pub fn try_status(&self, scene: &Scene) -> Option<Status> {
+        Some(self.status_with(scene, self.feed.try_progress()?))
+    }
+
+    fn status_with(&self, scene: &Scene, progress: Progress) -> Status {
         let missing = self.missing(scene).count();
         let arrived: u64 = self.arrived.values().map(packed_bytes).sum();
         Status {
@@ -621,13 +640,25 @@ impl Live {
         self.feed.keep_learned(cache);
     }
 
+    fn take_news(&mut self) {
+        for news in self.feed.news() {
+            match news {
+                News::Error(error) => self.errors.push(error),
+                News::Warning(warning) => self.warnings.push(warning),
+                News::Corrected(source) => self.corrected.push(source),
+            }
+        }
+    }
+
     /// What is not as it should be, but takes nothing away, since this was asked last.
     pub fn take_warnings(&mut self) -> Vec<String> {
-        self.feed.with(Builds::take_warnings)
+        self.take_news();
+        std::mem::take(&mut self.warnings)
     }
 
     /// What went wrong since this was asked last.
     pub fn take_errors(&mut self) -> Vec<String> {
-        self.feed.with(Builds::take_errors)
+        self.take_news();
+        std::mem::take(&mut self.errors)
     }
 }

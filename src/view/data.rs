@@ -13,7 +13,7 @@ use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::{Budget, Core};
 use crate::stream::builds::{OpenInput, cells_of};
-use crate::stream::live::{self, Live};
+use crate::stream::live::{self, FRAME_BYTES, Live};
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use crate::stream::table::Table;
@@ -23,8 +23,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Bytes that one frame may upload.
-const UPLOAD_BYTES: u64 = 4 << 20;
 /// How often progress is looked at, at least.
 const COUNT_EVERY: Duration = Duration::from_millis(100);
 
@@ -242,7 +240,7 @@ impl Data {
             let bounds = about.bounds;
             let floor = bounds.min.z - if lit { 0.1 * (bounds.max - bounds.min).max_element() } else { 1e6 };
             let sight = sight(camera, size, [z_scale, pivot], floor, 1.0)?;
-            let now = live.tick(scene, &sight, UPLOAD_BYTES)?;
+            let now = live.tick(scene, &sight, FRAME_BYTES)?;
             scene.flush()?;
             tick.changed |= now.changed;
             tick.is_busy = scene.is_busy();
@@ -250,8 +248,10 @@ impl Data {
             let why = "the sections do not fit the device memory: give more with --device-memory";
             self.failed = now.stuck.then(|| why.to_owned());
         }
-        if tick.changed || self.counted.elapsed() > COUNT_EVERY {
-            self.now = live.status(scene);
+        if (tick.changed || self.counted.elapsed() > COUNT_EVERY)
+            && let Some(now) = live.try_status(scene)
+        {
+            self.now = now;
             self.counted = Instant::now();
         }
         let errors = live.take_errors();

@@ -10,13 +10,9 @@ use egui::{Color32, FontId, Rect};
 use std::ffi::OsString;
 use std::time::Instant;
 
-/// Where lit pictures end: a slab under the data, which low stray points do not make deeper.
+/// Where lit pictures end.
 pub(super) fn floor(data: &Data) -> Option<f64> {
-    let about = data.about()?;
-    let (bounds, spread) = (about.bounds, about.summary.height);
-    let low = bounds.min.z.max(spread.p2 - (spread.p98 - spread.p2));
-    let cell = data.grid().0.cell();
-    Some(low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * cell)
+    Some(data.about()?.floor(data.grid().0.cell()))
 }
 
 /// The picture of `size` pixels; `None` while nothing is known of the data.

@@ -1,0 +1,420 @@
+//! Frames along camera paths while files stream in, beside the same frames with everything there.
+//!
+//! A frame is what the window's is: residency ([`Live::tick`], which never waits), section table, passes of the
+//! picture; the next one begins when its picture is seen done. First it is flown with nothing there, worker threads
+//! reading beside; then, with what every camera of the path wants on the device and nothing being read, again.
+
+use super::frames::Stopped;
+use super::ms;
+use super::report::{Stat, StreamFrames, StreamKind, StreamRow};
+use crate::attribute::{ClassMask, ColorTable};
+use crate::coords::Height;
+use crate::gpu::{Gpu, Order, QueueKind, Timestamps};
+use crate::load::{self, LoadError, LoadOptions, Opening};
+use crate::problems::Problems;
+use crate::render::camera::{Camera, Projection};
+use crate::render::frame::{Background, FrameError, PASSES, Renderer, Shade, Traversal, View};
+use crate::render::path::{
+    Aim, CameraPath, DEFAULT_FPS, FAST_CELLS, Interpolation, Keyframe, PathFault, PathKind, Stage,
+};
+use crate::render::sight::sight;
+use crate::source::placement::Placement;
+use crate::stream::live::{FRAME_BYTES, Live};
+use crate::stream::pool::Access;
+use crate::stream::residency::Sight;
+use crate::stream::scene::{Scene, Visibility};
+use anyhow::Context;
+use glam::DVec2;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// The paths that move, in the order of reports.
+pub const PATHS: [PathKind; 6] =
+    [PathKind::Slow, PathKind::Fast, PathKind::Descent, PathKind::Grazing, PathKind::Random, PathKind::Turn];
+/// How much longer the slow frames (p95) may be while sections stream in.
+pub const MOST_RATIO: f64 = 1.5;
+/// Bytes uploaded between two looks while everything is fetched before it is measured.
+const FILL_BYTES: u64 = 8 << 20;
+/// Crossings of the data that lie side by side on the fast path.
+const LANES: u32 = 5;
+
+/// What is measured, and with what.
+pub struct Options<'a> {
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Frames of a path.
+    pub frames: u32,
+    /// Times that each path is flown both ways, in turn.
+    pub runs: u32,
+    /// Light.
+    pub shade: Shade,
+    /// Device memory for sections, bytes.
+    pub device_bytes: u64,
+    /// Host memory for sections, bytes.
+    pub host_bytes: u64,
+    /// How files are opened.
+    pub load: LoadOptions,
+    /// Set: ends before the next frame.
+    pub stop: &'a AtomicBool,
+}
+
+/// Files, and what draws them. One scene for all runs, emptied before each: drivers compile on first use.
+pub struct Case<'a> {
+    name: String,
+    files: Vec<PathBuf>,
+    options: &'a Options<'a>,
+    about: load::About,
+    floor: f64,
+    points: u64,
+    cell: f64,
+    colors: ColorTable,
+    scene: Scene,
+    renderer: Renderer,
+    clock: Option<Timestamps>,
+}
+
+/// One frame.
+#[derive(Clone, Copy, Debug, Default)]
+struct Frame {
+    frame_ms: f64,
+    tick_ms: f64,
+    table_ms: f64,
+    trace_ms: f64,
+    update_ms: f64,
+    upload_bytes: u64,
+    wanted: usize,
+    ready: usize,
+    /// Places that show anything.
+    shown: usize,
+    coarser: f64,
+}
+
+impl Frame {
+    /// Nothing was missing, came or had to be coarser.
+    fn is_whole(&self) -> bool {
+        self.ready == self.wanted && self.upload_bytes == 0 && self.coarser <= 1.0
+    }
+}
+
+/// One flight.
+#[derive(Default)]
+struct Flight {
+    frames: Vec<Frame>,
+    /// Times that an upload waited for the device.
+    waits: u64,
+    bytes_read: u64,
+}
+
+/// What frames come to; at least one.
+fn frames_of(flights: &[Flight], has_clock: bool) -> StreamFrames {
+    let stat = |of: &dyn Fn(&Frame) -> f64| {
+        let all = flights.iter().flat_map(|flight| &flight.frames).map(of);
+        Stat::of(all.collect()).expect("a path has a frame")
+    };
+    StreamFrames {
+        frame_ms: stat(&|f| f.frame_ms),
+        tick_ms: stat(&|f| f.tick_ms),
+        table_ms: stat(&|f| f.table_ms),
+        trace_ms: has_clock.then(|| stat(&|f| f.trace_ms)),
+        update_ms: has_clock.then(|| stat(&|f| f.update_ms)),
+        upload_bytes: stat(&|f| f.upload_bytes as f64),
+        wanted: stat(&|f| f.wanted as f64),
+        ready: stat(&|f| f.ready as f64),
+    }
+}
+
+/// Slow frames of one flight.
+fn p95(flight: &Flight) -> f64 {
+    let all = flight.frames.iter().map(|frame| frame.frame_ms).collect();
+    Stat::of(all).expect("a path has a frame").p95
+}
+
+/// East and back over the data, [`FAST_CELLS`] finest cells in each of `frames` frames, a little farther north at
+/// each turn.
+fn back_and_forth(stage: &Stage, size: DVec2, frames: u32) -> Result<CameraPath, PathFault> {
+    let step = f64::from(FAST_CELLS) * stage.cell;
+    let across = (size.x / step).ceil().max(1.0) as u32;
+    let lane = size.y / f64::from(LANES);
+    let key = |n: u32| {
+        let (crossing, at) = (n / across, n % across);
+        let east = f64::from(at) * step;
+        let back = crossing % 2 == 1;
+        let x = if back { size.x - east } else { east };
+        let y = lane * (f64::from(crossing % LANES) + 0.5);
+        let place = stage.center - 0.5 * size + DVec2::new(x, y);
+        let aim = Aim::Angles([if back { 270.0 } else { 90.0 }, 28.0]);
+        let eye = place.extend(stage.top + 0.1 * stage.side);
+        Keyframe { time: f64::from(n) / DEFAULT_FPS, eye, aim }
+    };
+    // The last one is where the next frame would be.
+    let keyframes = (0..=frames).map(key).collect();
+    let path = CameraPath::new(keyframes, Projection::default(), DEFAULT_FPS, Interpolation::Step)?;
+    Ok(path.named(PathKind::Fast.name()))
+}
+
+impl<'a> Case<'a> {
+    /// Looks at `files`, called `name` in reports.
+    pub fn open(
+        gpu: &Gpu,
+        name: impl Into<String>,
+        files: Vec<PathBuf>,
+        options: &'a Options<'a>,
+        problems: &mut Problems,
+    ) -> anyhow::Result<Case<'a>> {
+        let Opening { inputs, grid, about, .. } = load::open(&files, &options.load, problems)?;
+        let points = inputs.iter().map(|input| input.input.file.points()).sum();
+        let bridge = if options.shade == Shade::Lit { 4 } else { 0 };
+        let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge };
+        // Derived parts are less than half of what sections take.
+        let access = Access::best(gpu, options.device_bytes / 2);
+        let cell = grid.cell();
+        let mut scene = Scene::new(gpu, |order: Order| order, access, options.device_bytes, seen, cell)?;
+        scene.time();
+        let middle = about.bounds.center().z;
+        let anchor = Height::from_units(middle).context("heights are beyond what can be drawn")?;
+        Ok(Case {
+            name: name.into(),
+            files,
+            options,
+            floor: about.floor(cell),
+            points,
+            cell,
+            colors: ColorTable::new(about.color, &about.summary, None, None)?,
+            about,
+            renderer: Renderer::new(&scene, grid, anchor)?,
+            clock: Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?,
+            scene,
+        })
+    }
+
+    /// Points in all files.
+    pub fn points(&self) -> u64 {
+        self.points
+    }
+
+    /// File coordinates to world coordinates.
+    pub fn placement(&self) -> &Placement {
+        &self.about.placement
+    }
+
+    /// A path of the benchmark over the data.
+    pub fn path(&self, kind: PathKind, seed: u64) -> Result<CameraPath, PathFault> {
+        let bounds = self.about.bounds;
+        let size = (bounds.max - bounds.min).truncate();
+        let stage = Stage {
+            center: bounds.center().truncate(),
+            ground: self.about.summary.height.p2,
+            top: bounds.max.z,
+            cell: self.cell,
+            side: size.min_element(),
+        };
+        match kind {
+            // The one of the other parts leaves the data behind in its first second.
+            PathKind::Fast => back_and_forth(&stage, size, self.options.frames),
+            kind => kind.path(&stage, seed),
+        }
+    }
+
+    fn sight(&self, camera: &Camera) -> Result<Sight, FrameError> {
+        let pivot = self.about.bounds.min.z;
+        Ok(sight(camera, self.options.size, [1.0, pivot], self.floor, 1.0)?)
+    }
+
+    /// Files as if they had never been looked at, and nothing on the device.
+    fn start(&mut self) -> anyhow::Result<Live> {
+        let all: Vec<_> = self.scene.resident().collect();
+        self.scene.remove(&all)?;
+        self.scene.settle()?;
+        self.scene.take_times()?;
+        // What is wrong with the files was said when they were opened first.
+        let Opening { inputs, grid, core, .. } =
+            load::open(&self.files, &self.options.load, &mut Problems::default())?;
+        Ok(Live::new(inputs, grid, core, self.options.host_bytes, load::threads(), || ()))
+    }
+
+    /// One frame, from the camera to its picture.
+    fn frame(&mut self, live: &mut Live, camera: &Camera) -> anyhow::Result<Frame> {
+        if self.options.stop.load(Ordering::Relaxed) {
+            return Err(Stopped.into());
+        }
+        let before = self.scene.counters().section_bytes;
+        let begin = Instant::now();
+        let sight = self.sight(camera)?;
+        live.tick(&mut self.scene, &sight, FRAME_BYTES)?;
+        self.scene.flush()?;
+        let tick_ms = ms(begin);
+        let table = self.renderer.table_of(&self.scene, live.shown());
+        let table_ms = ms(begin) - tick_ms;
+        let view = View {
+            camera,
+            size: self.options.size,
+            samples: 1,
+            z_scale: 1.0,
+            pivot: self.about.bounds.min.z,
+            bounds: self.about.bounds,
+            floor: self.floor,
+            colors: &self.colors,
+            shade: self.options.shade,
+            background: Background::Sky,
+            traversal: Traversal::Fast,
+            window: None,
+        };
+        let point = self.renderer.submit_frame(&mut self.scene, &view, &table, self.clock.as_mut())?;
+        self.scene.order.wait(point)?;
+        let frame_ms = ms(begin);
+        // The rest is off the clock. Nothing becomes live before the next tick.
+        let status = live.status(&self.scene);
+        let stages = match &mut self.clock {
+            Some(clock) => clock.resolve(&mut self.scene.order, point)?,
+            None => Vec::new(),
+        };
+        let sum = |times: &mut dyn Iterator<Item = f64>| times.map(|ns| ns / 1e6).sum();
+        Ok(Frame {
+            frame_ms,
+            tick_ms,
+            table_ms,
+            trace_ms: sum(&mut stages.into_iter().map(|(_, ns)| ns)),
+            update_ms: sum(&mut self.scene.take_times()?.into_iter().map(|(_, ns)| ns)),
+            upload_bytes: self.scene.counters().section_bytes - before,
+            wanted: status.wanted,
+            ready: status.ready,
+            shown: live.shown().len(),
+            coarser: status.coarser,
+        })
+    }
+
+    /// A frame for each of `cameras`, one after the other.
+    fn flight(&mut self, live: &mut Live, cameras: &[Camera]) -> anyhow::Result<Flight> {
+        let before = self.scene.counters().waits;
+        let frames = cameras.iter().map(|camera| self.frame(live, camera));
+        let frames = frames.collect::<anyhow::Result<Vec<_>>>()?;
+        let waits = self.scene.counters().waits - before;
+        Ok(Flight { frames, waits, bytes_read: live.status(&self.scene).progress.bytes_read })
+    }
+
+    /// Fetches what `camera` wants.
+    fn complete(&mut self, live: &mut Live, camera: &Camera) -> anyhow::Result<()> {
+        let sight = self.sight(camera)?;
+        loop {
+            if self.options.stop.load(Ordering::Relaxed) {
+                return Err(Stopped.into());
+            }
+            let tick = live.tick(&mut self.scene, &sight, FILL_BYTES)?;
+            if tick.complete {
+                return Ok(());
+            }
+            if tick.stuck {
+                let (host, device) = (self.options.host_bytes, self.options.device_bytes);
+                return Err(LoadError::Budget { host, device }.into());
+            }
+            self.scene.flush()?;
+            live.wait(Duration::from_millis(2));
+        }
+    }
+
+    /// Draws `camera` with all that it wants, so that every pass is compiled.
+    pub fn warm_up(&mut self, camera: &Camera) -> anyhow::Result<()> {
+        let mut live = self.start()?;
+        self.frame(&mut live, camera)?;
+        self.complete(&mut live, camera)?;
+        self.frame(&mut live, camera)?;
+        Ok(())
+    }
+
+    /// The cameras of the frames of `path` that are drawn.
+    pub fn cameras(&self, path: &CameraPath) -> anyhow::Result<Vec<Camera>> {
+        let camera = |frame| path.camera(frame).with_context(|| format!("frame {frame} of the path"));
+        path.spread(self.options.frames).map(camera).collect()
+    }
+
+    /// Flies `path` both ways, run after run. `progress` is told what comes next.
+    pub fn fly(&mut self, path: &CameraPath, progress: &mut dyn FnMut(&str)) -> anyhow::Result<StreamRow> {
+        let cameras = self.cameras(path)?;
+        let options = self.options;
+        let name = path.name().unwrap_or("path");
+        let (mut streaming, mut resident) = (Vec::new(), Vec::new());
+        for run in 1..=options.runs {
+            let at = format!("{}: {name}, run {run} of {}", self.name, options.runs);
+            progress(&format!("{at}: streaming"));
+            let mut live = self.start()?;
+            streaming.push(self.flight(&mut live, &cameras)?);
+            progress(&format!("{at}: fetching the rest"));
+            live.restore_detail();
+            for camera in &cameras {
+                self.complete(&mut live, camera)?;
+            }
+            live.pause(true);
+            self.scene.settle()?;
+            progress(&format!("{at}: everything there"));
+            // What the threads had begun is over by then.
+            self.frame(&mut live, &cameras[0])?;
+            resident.push(self.flight(&mut live, &cameras)?);
+        }
+        let ratios: Vec<_> = streaming.iter().zip(&resident).map(|(s, r)| p95(s) / p95(r)).collect();
+        let all = |flights: &[Flight], of: &dyn Fn(&Frame) -> bool| {
+            flights.iter().flat_map(|flight| &flight.frames).filter(|frame| of(frame)).count() as u64
+        };
+        let has_clock = self.clock.is_some();
+        Ok(StreamRow {
+            kind: StreamKind::Stream,
+            data: self.name.clone(),
+            points: self.points,
+            cell: self.cell,
+            path: name.to_owned(),
+            frames: cameras.len() as u32,
+            runs: options.runs,
+            size: options.size,
+            threads: load::threads() as u32,
+            device_bytes: options.device_bytes,
+            host_bytes: options.host_bytes,
+            ratio_p95: Stat::of(ratios.clone()).context("at least one run")?.median,
+            ratios,
+            waits: streaming.iter().chain(&resident).map(|flight| flight.waits).sum(),
+            bytes_read: streaming.iter().map(|flight| flight.bytes_read).sum(),
+            empty_frames: all(&streaming, &|frame| frame.shown == 0),
+            coarser_frames: all(&streaming, &|frame| frame.coarser > 1.0),
+            not_resident: all(&resident, &|frame| !frame.is_whole()),
+            streaming: frames_of(&streaming, has_clock),
+            resident: frames_of(&resident, has_clock),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fast_path_stays_over_the_data() {
+        let center = DVec2::new(512_000.0, 5_403_000.0);
+        let stage = Stage { center, ground: 200.0, top: 250.0, cell: 0.25, side: 1000.0 };
+        let size = DVec2::new(1000.0, 1500.0);
+        let path = back_and_forth(&stage, size, 120).unwrap();
+        assert_eq!(path.frames(), 120);
+        let eyes: Vec<_> = (0..120).map(|frame| path.camera(frame).unwrap().eye()).collect();
+        let away = |eye: &glam::DVec3| (eye.truncate() - center).abs();
+        assert!(eyes.iter().all(|eye| away(eye).cmple(0.5 * size).all()));
+        let steps: Vec<_> = eyes.windows(2).map(|pair| pair[1].x - pair[0].x).collect();
+        assert!(steps.contains(&64.0) && steps.contains(&-64.0));
+        assert_eq!(eyes[0].y + 300.0, eyes[16].y, "a lane farther north");
+    }
+
+    #[test]
+    fn flights_add_up() {
+        let frame =
+            |ms: f64, ready| Frame { frame_ms: ms, ready, wanted: 4, coarser: 1.0, ..Frame::default() };
+        let a = Flight { frames: (1..=21).map(|n| frame(f64::from(n), 4)).collect(), ..Flight::default() };
+        assert_eq!(p95(&a), 20.0);
+        let b = Flight { frames: vec![frame(50.0, 1)], ..Flight::default() };
+        let both = frames_of(&[a, b], false);
+        assert_eq!((both.frame_ms.samples.len(), both.frame_ms.max), (22, 50.0));
+        assert_eq!(both.trace_ms, None);
+        let [mean, least] = both.ready_share();
+        assert!((mean - (21.0 + 0.25) / 22.0).abs() < 1e-12);
+        assert_eq!(least, 0.25);
+        assert!(frame(1.0, 4).is_whole() && !frame(1.0, 3).is_whole());
+        assert!(!Frame { upload_bytes: 1, ..frame(1.0, 4) }.is_whole());
+        assert!(!Frame { coarser: 1.5, ..frame(1.0, 4) }.is_whole());
+    }
+}
