@@ -197,6 +197,7 @@ pub struct Scene {
     /// The latest work, of each queue, that used a slot which is free again: copies go after it.
     reclaimed: Vec<SyncPoint>,
     last_frame: Option<SyncPoint>,
+    last_copy: Option<SyncPoint>,
     /// Builds write to live slots, too, and read those of neighbours.
     last_build: Option<SyncPoint>,
     visibility: Visibility,
@@ -230,6 +231,7 @@ impl Scene {
             freed: Vec::new(),
             reclaimed: Vec::new(),
             last_frame: None,
+            last_copy: None,
             last_build: None,
             visibility,
             carried: Carried::Colors,
@@ -393,6 +395,7 @@ impl Scene {
     pub fn flush(&mut self) -> Result<(), GpuError> {
         let Some((commands, timestamps)) = self.batch.take() else { return Ok(()) };
         let point = self.submit(Work::Copy, commands, timestamps)?;
+        self.last_copy = Some(point);
         self.ring.seal(point);
         for key in std::mem::take(&mut self.staged) {
             if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.coming.as_mut()) {
@@ -664,8 +667,13 @@ impl Scene {
             values: (self.carried == Carried::Values).into(),
         };
         let params = self.constant("visibility", bytemuck::bytes_of(&derive))?;
+        let mut after = copied.to_vec();
+        if self.pool.access() == Access::StorageBuffer {
+            // Validation takes a bound buffer as touched all over.
+            after.extend(self.last_copy);
+        }
         for tasks in tops.chunks(SUBMIT_SECTIONS) {
-            let mut commands = self.order.begin_build("tops", copied)?;
+            let mut commands = self.order.begin_build("tops", &after)?;
             let timestamps = self.start_clock(&mut commands)?;
             self.run(&mut commands, Pass::Tops, tasks, &params)?;
             if !bridge {
@@ -675,7 +683,8 @@ impl Scene {
             self.last_build = Some(self.submit(Work::Build, commands, timestamps)?);
         }
         for tasks in all.chunks(SUBMIT_SECTIONS).filter(|_| bridge) {
-            let mut commands = self.order.begin_build("bridges and pyramids", &[])?;
+            let mut commands =
+                self.order.begin_build("bridges and pyramids", if tops.is_empty() { &after } else { &[] })?;
             let timestamps = self.start_clock(&mut commands)?;
             self.run(&mut commands, Pass::Bridge, tasks, &params)?;
             self.order.next_pass(&mut commands);
