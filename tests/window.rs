@@ -94,6 +94,11 @@ impl<'a> Window<'a> {
 
     /// The first line from now on that starts so; what follows, word by word.
     fn wait(&self, start: &str) -> Vec<String> {
+        words(&self.wait_all(start).1)
+    }
+
+    /// The lines before that, and what follows in it.
+    fn wait_all(&self, start: &str) -> (Vec<String>, String) {
         let end = Instant::now() + PATIENCE;
         let mut seen = Vec::new();
         loop {
@@ -102,7 +107,7 @@ impl<'a> Window<'a> {
                 panic!("no line '{start} …' but {seen:#?}");
             };
             if let Some(rest) = line.strip_prefix(start) {
-                return rest.split_whitespace().map(str::to_owned).collect();
+                return (seen, rest.to_owned());
             }
             seen.push(line);
         }
@@ -168,6 +173,10 @@ impl Drop for Window<'_> {
     }
 }
 
+fn words(line: &str) -> Vec<String> {
+    line.split_whitespace().map(str::to_owned).collect()
+}
+
 /// A small town, in a folder of its own.
 fn town() -> (tempfile::TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
@@ -178,6 +187,26 @@ fn town() -> (tempfile::TempDir, PathBuf) {
         .unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     (folder, file)
+}
+
+/// A town in two tiles, in a folder of its own.
+fn two_tiles() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let run = Command::new(env!("CARGO_BIN_EXE_lasray"))
+        .args(["synth", "tiles", "--points", "200k", "--tiles", "2x1"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    folder
+}
+
+/// Width and pixels of a picture that was saved.
+fn pixels(path: &Path) -> (usize, Vec<u8>) {
+    let mut reader = png::Decoder::new(BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut pixels).unwrap();
+    (reader.info().width as usize, pixels)
 }
 
 /// Eye and angles of a line `settled WxH eye E,N,U look AZ,EL`.
@@ -251,10 +280,7 @@ fn a_user_looks_around() {
 
         window.key("p");
         window.wait("saved");
-        let picture = fs::File::open(folder.path().join("lasray-0001.png")).unwrap();
-        let mut reader = png::Decoder::new(BufReader::new(picture)).read_info().unwrap();
-        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-        reader.next_frame(&mut pixels).unwrap();
+        let (_, pixels) = pixels(&folder.path().join("lasray-0001.png"));
         assert!(pixels.iter().collect::<BTreeSet<_>>().len() > 50, "the picture is uniform");
 
         window.skip();
@@ -265,6 +291,55 @@ fn a_user_looks_around() {
             panic!("a size")
         };
         assert!(width < 500 && height < 500, "{width}x{height}");
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn a_file_is_hidden_and_shown_again() {
+    common::run("a_file_is_hidden_and_shown_again", LAVAPIPE, |_| {
+        let Some(display) = Display::open("a_file_is_hidden_and_shown_again") else { return };
+        let folder = two_tiles();
+        let mut window = Window::open(&display, folder.path(), &["--size", "640x820", "tiles"]);
+        window.wait("first frame");
+        window.focus();
+        // Where they lie in the end: what is above them may come later.
+        let (lines, _) = window.wait_all("settled");
+        let check = |file| {
+            let start = format!("check {file} ");
+            let last = lines.iter().rev().find_map(|line| line.strip_prefix(&start));
+            words(last.unwrap_or_else(|| panic!("no check of file {file}: {lines:#?}")))
+        };
+        let checks = [check(0), check(1)];
+        let mut saved = 0;
+        let mut save = |window: &Window| {
+            window.key("p");
+            window.wait("saved");
+            saved += 1;
+            pixels(&folder.path().join(format!("lasray-{saved:04}.png")))
+        };
+        let toggle = |window: &Window, [x, y]: [&str; 2]| {
+            window.skip();
+            window.xdotool(&["mousemove", x, y, "click", "1"]);
+        };
+        let (width, both) = save(&window);
+        let half_of = |at: usize| usize::from(at / 3 % width >= width / 2);
+        for (file, check) in checks.iter().enumerate() {
+            let check = [&*check[0], &*check[1]];
+            toggle(&window, check);
+            window.wait(&format!("file {file} hidden"));
+            window.wait("settled");
+            let (_, one) = save(&window);
+            let mut changed = [0; 2];
+            (0..both.len()).filter(|&at| both[at] != one[at]).for_each(|at| changed[half_of(at)] += 1);
+            // From the south, the western tile is on the left.
+            assert!(changed[file] > both.len() / 20, "file {file} is still there: {changed:?}");
+            assert!(changed[1 - file] < changed[file] / 10, "the other changed: {changed:?}");
+            toggle(&window, check);
+            window.wait(&format!("file {file} shown"));
+            window.wait("settled");
+            assert!(save(&window).1 == both, "file {file} is back as it was");
+        }
         assert_eq!(window.end(), Some(0));
     });
 }

@@ -249,6 +249,8 @@ struct Viewer {
     /// When to draw next if nothing happens.
     next: Option<Instant>,
     log_events: bool,
+    /// Where the checks of files are, as told last.
+    checks: Vec<(usize, egui::Pos2)>,
 }
 
 impl Viewer {
@@ -325,6 +327,7 @@ impl Viewer {
             has_settled: false,
             next: None,
             log_events: options.log_events,
+            checks: Vec::new(),
             window,
         })
     }

@@ -231,7 +231,15 @@ impl Viewer {
         let size = [side(scaled.left(), scaled.right()), side(scaled.top(), scaled.bottom())];
         self.place = overlay::Place { rect, size };
 
+        if self.log_events && asked.checks != self.checks {
+            for (file, at) in &asked.checks {
+                let at = *at * output.pixels_per_point;
+                self.log(format_args!("check {file} {:.0} {:.0}", at.x, at.y));
+            }
+            self.checks = asked.checks;
+        }
         if let Some((file, is_shown)) = asked.file {
+            self.log(format_args!("file {file} {}", if is_shown { "shown" } else { "hidden" }));
             self.data.set_visible(file, is_shown);
         }
         if let Some(place) = asked.go_to {
