@@ -145,6 +145,13 @@ impl<'a> Window<'a> {
         self.ended()
     }
 
+    /// What the process holds of the machine's memory.
+    fn resident_bytes(&self) -> u64 {
+        let status = fs::read_to_string(format!("/proc/{}/status", self.program.id())).unwrap();
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).unwrap();
+        line.trim().trim_end_matches(" kB").parse::<u64>().unwrap() << 10
+    }
+
     fn interrupt(&self) {
         // The shell's own: a small system has no program for it.
         let kill = format!("kill -INT {}", self.program.id());
@@ -220,8 +227,9 @@ fn a_user_looks_around() {
     common::run("a_user_looks_around", LAVAPIPE, |_| {
         let Some(display) = Display::open("a_user_looks_around") else { return };
         let (folder, file) = town();
+        let options = ["--size", "900x640", "--z-unit", "m", "--rgb-bits", "16", "--mix-crs", "--withheld"];
         let mut window =
-            Window::open(&display, folder.path(), &["--size", "900x640", file.to_str().unwrap()]);
+            Window::open(&display, folder.path(), &[&options[..], &[file.to_str().unwrap()]].concat());
         window.wait("first frame");
         window.focus();
         let first = window.wait("settled");
@@ -274,12 +282,23 @@ fn a_user_looks_around() {
         window.key("ctrl+c");
         let command = window.wait("command").join(" ");
         assert!(command.contains("a town.las'") && command.contains("--hide="), "{command}");
+        for option in ["--z-unit=m", "--rgb-bits=16", "--mix-crs", "--withheld"] {
+            assert!(command.contains(option), "{option}: {command}");
+        }
         window.key("ctrl+s");
         window.wait("notice View saved");
         assert!(folder.path().join("lasray-view-0001.json").is_file());
 
         window.key("p");
+        // What is saved is what was seen then, whatever comes after.
+        window.xdotool(&["key", "3"]);
         window.wait("saved");
+        window.key("1");
+        window.wait("settled");
+        window.key("p");
+        window.wait("saved");
+        let [moved, resting] = [1, 2].map(|n| pixels(&folder.path().join(format!("lasray-000{n}.png"))));
+        assert!(moved == resting, "the camera that moved on was seen in the picture");
         let (_, pixels) = pixels(&folder.path().join("lasray-0001.png"));
         assert!(pixels.iter().collect::<BTreeSet<_>>().len() > 50, "the picture is uniform");
 
@@ -354,10 +373,31 @@ fn a_window_that_changes_all_the_time_goes_on() {
         window.wait("first frame");
         window.focus();
         window.wait("settled");
-        for k in 0..100 {
-            let (width, height) = (500 + k * 37 % 400, 340 + k * 53 % 300);
+        let resize = |window: &Window, [width, height]: [u32; 2]| {
+            window.skip();
             window.xdotool(&["windowsize", &window.id, &width.to_string(), &height.to_string()]);
+            window.wait(&format!("size {width}x{height}"));
+        };
+        let sizes = |k: u32| [500 + k * 37 % 400, 340 + k * 53 % 300];
+        let mut warm = 0;
+        for k in 0..500 {
+            resize(&window, sizes(k));
+            if k == 50 {
+                resize(&window, [900, 640]);
+                window.wait("settled");
+                warm = window.resident_bytes();
+            }
+            // Away and back: there are no images to draw on meanwhile.
+            if k % 100 == 99 {
+                window.xdotool(&["windowunmap", "--sync", &window.id]);
+                window.xdotool(&["windowmap", "--sync", &window.id]);
+            }
         }
+        resize(&window, [900, 640]);
+        window.wait("settled");
+        let bytes = window.resident_bytes();
+        println!("resident: {} MB after 50 sizes, {} MB after 500", warm >> 20, bytes >> 20);
+        assert!(bytes < warm + warm / 10 + (32 << 20), "{warm} bytes after 50 sizes, {bytes} after 500");
         window.skip();
         window.xdotool(&["windowsize", &window.id, "777", "555"]);
         // Once more through all of it: the last size is drawn.
@@ -384,6 +424,8 @@ fn a_path_is_flown_and_its_frames_are_told() {
             path,
             "--frames",
             "20",
+            "--laps",
+            "2",
             "--quit",
             "--json",
             json,
@@ -392,10 +434,20 @@ fn a_path_is_flown_and_its_frames_are_told() {
         let mut window = Window::open(&display, folder.path(), &arguments);
         assert_eq!(window.ended(), Some(0));
         let report: serde_json::Value = serde_json::from_str(&fs::read_to_string(json).unwrap()).unwrap();
-        assert!(report["frames"].as_u64().unwrap() >= 19, "{report}");
+        assert!(report["frames"].as_u64().unwrap() >= 38, "{report}");
         // Reading is over long before the path is on a quick machine; on any, few frames are in its way.
         assert!(report["waited_for_section"].as_u64().unwrap() < 10, "{report}");
         assert!(report["median_ms"].as_f64().unwrap() > 0.0, "{report}");
+        assert!(report["first_frame_ms"].as_f64() < report["first_picture_ms"].as_f64(), "{report}");
+        let laps = report["laps"].as_array().unwrap();
+        assert_eq!(laps.len(), 2, "{report}");
+        for lap in laps {
+            assert_eq!(lap["frames"], 19, "times between 20 frames: {report}");
+            assert_eq!(lap["waited_for_section"], 0, "{report}");
+            let [median, p95, max] = ["median_ms", "p95_ms", "max_ms"].map(|of| lap[of].as_f64().unwrap());
+            assert!(0.0 < median && median <= p95 && p95 <= max, "{report}");
+        }
+        assert_eq!(laps[1]["incomplete_frames"], 0, "all was there before: {report}");
     });
 }
 

@@ -290,6 +290,8 @@ struct Viewer {
     /// When to draw next if nothing happens.
     next: Option<Instant>,
     log_events: bool,
+    /// Pixels of the window in the last frame.
+    shown_size: [u32; 2],
     /// Where the checks of files are, as told last.
     checks: Vec<(usize, egui::Pos2)>,
 }
@@ -388,6 +390,7 @@ impl Viewer {
             has_settled: false,
             next: None,
             log_events: options.log_events,
+            shown_size: [0; 2],
             checks: Vec::new(),
             window,
         })

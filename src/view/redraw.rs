@@ -392,6 +392,13 @@ impl Viewer {
         let begun = Instant::now();
         let (mut commands, slot) = scene.order.begin_frame("window")?;
         let Some(image) = self.swapchain.acquire(slot)? else { return Ok(false) };
+        if self.shown_size != image.size() {
+            self.shown_size = image.size();
+            let [width, height] = self.shown_size;
+            if self.log_events {
+                println!("size {width}x{height}");
+            }
+        }
         if let (Some(view), Some(renderer)) = (&view, &mut self.renderer) {
             let before = self.screen.samples();
             let rows = if self.is_coarse { size[1] } else { self.pace.rows(size[0]) };
@@ -477,7 +484,7 @@ impl Viewer {
             let gap = self.statistics.longest_gap.unwrap_or(0.0);
             self.log(format_args!("first picture {since_start:.0} ms, longest gap {gap:.0} ms"));
         }
-        if self.statistics.complete.is_none() && self.data.about().is_some() && self.data.is_complete() {
+        if self.statistics.complete.is_none() && has_picture && self.data.is_complete() {
             self.statistics.complete = Some(since_start);
             self.log(format_args!("complete {since_start:.0} ms"));
         }
