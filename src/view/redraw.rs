@@ -462,7 +462,8 @@ impl Viewer {
             let picture = self.screen.size().map_or(0.0, pixels);
             let status = self.data.status();
             self.statistics.flown(Flown {
-                ms: since_last,
+                // What came before a lap is none of it.
+                ms: since_last.filter(|_| self.flown.frame > 0),
                 upload_ms,
                 share: picture / pixels(self.place.size).max(1.0),
                 is_complete: status.is_complete,
