@@ -379,13 +379,18 @@ fn a_window_that_changes_all_the_time_goes_on() {
             window.wait(&format!("size {width}x{height}"));
         };
         let sizes = |k: u32| [500 + k * 37 % 400, 340 + k * 53 % 300];
-        let mut warm = 0;
+        // Bytes of buffers, and of the whole process.
+        let held = |window: &Window| {
+            resize(window, [900, 640]);
+            let settled = window.wait("settled");
+            let buffers: u64 = settled.last().unwrap().parse().unwrap();
+            [buffers, window.resident_bytes()]
+        };
+        let mut warm = [0; 2];
         for k in 0..500 {
             resize(&window, sizes(k));
             if k == 50 {
-                resize(&window, [900, 640]);
-                window.wait("settled");
-                warm = window.resident_bytes();
+                warm = held(&window);
             }
             // Away and back: there are no images to draw on meanwhile.
             if k % 100 == 99 {
@@ -393,11 +398,12 @@ fn a_window_that_changes_all_the_time_goes_on() {
                 window.xdotool(&["windowmap", "--sync", &window.id]);
             }
         }
-        resize(&window, [900, 640]);
-        window.wait("settled");
-        let bytes = window.resident_bytes();
-        println!("resident: {} MB after 50 sizes, {} MB after 500", warm >> 20, bytes >> 20);
-        assert!(bytes < warm + warm / 10 + (32 << 20), "{warm} bytes after 50 sizes, {bytes} after 500");
+        let end = held(&window);
+        println!("buffers, process: {warm:?} bytes after 50 sizes, {end:?} after 500");
+        assert!(end[0] <= warm[0] + warm[0] / 10, "{warm:?} bytes after 50 sizes, {end:?} after 500");
+        // lavapipe (Mesa 22.3) keeps what it compiles anew when constants change, about 0.9 MB a size; three images
+        // of a window that were kept would be 4 MB.
+        assert!(end[1] < warm[1] + 450 * (3 << 19), "{warm:?} bytes after 50 sizes, {end:?} after 500");
         window.skip();
         window.xdotool(&["windowsize", &window.id, "777", "555"]);
         // Once more through all of it: the last size is drawn.

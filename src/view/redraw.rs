@@ -225,8 +225,12 @@ impl Viewer {
         }
         let (eye, [azimuth, elevation]) = (self.camera.eye(), self.camera.angles());
         self.log(format_args!(
-            "settled {width}x{height} eye {:.2},{:.2},{:.2} look {azimuth:.2},{elevation:.2} sections {}",
-            eye.x, eye.y, eye.z, status.sections_resident
+            "settled {width}x{height} eye {:.2},{:.2},{:.2} look {azimuth:.2},{elevation:.2} sections {} buffers {}",
+            eye.x,
+            eye.y,
+            eye.z,
+            status.sections_resident,
+            self.gpu.allocated_bytes()
         ));
     }
 
