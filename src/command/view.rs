@@ -38,6 +38,9 @@ pub struct Args {
     /// Hide these classes (7 and 18, noise, are hidden unless asked for)
     #[arg(long, value_parser = render::classes, help_heading = "Picture", value_name = "LIST")]
     hide: Option<ClassList>,
+    /// Show withheld points
+    #[arg(long, help_heading = "Picture")]
+    withheld: bool,
 
     /// Where the camera is: E,N,U
     #[arg(long, value_parser = render::vector, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
@@ -58,6 +61,9 @@ pub struct Args {
     /// Frames of the path, spread evenly over it [default: all]
     #[arg(long, requires = "path", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Camera", value_name = "N")]
     frames: Option<u32>,
+    /// Fly the path so often; from the second time on when all that it shows is there
+    #[arg(long, requires = "path", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), help_heading = "Camera", value_name = "N")]
+    laps: u32,
     /// Close the window at the end of the path
     #[arg(long, requires = "path", help_heading = "Camera")]
     quit: bool,
@@ -124,7 +130,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         rgb_bits: args.rgb_bits.map(|bits| if bits == "8" { 8 } else { 16 }),
         host_bytes: args.host_memory,
         device_bytes: args.device_memory,
-        visibility: Visibility { classes, withheld: false, bridge: 4 },
+        visibility: Visibility { classes, withheld: args.withheld, bridge: 4 },
         cache: if args.no_cache { None } else { Cache::of_user() },
     };
     let options = view::Options {
@@ -139,6 +145,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         orbit: args.orbit.map(|orbit| (orbit.angles, orbit.distance)),
         fov: args.fov,
         path,
+        laps: args.laps,
         quit: args.quit,
         json: args.json,
         log_events: args.log_events,

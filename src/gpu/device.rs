@@ -12,6 +12,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 
 use super::command::RawCommands;
+use super::pipeline::Programs;
 use super::{GpuError, Result};
 
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
@@ -133,6 +134,9 @@ pub(super) struct Inner {
     pub allocator: Mutex<ManuallyDrop<Allocator>>,
     pub allocated_bytes: AtomicU64,
     pub idle_commands: Mutex<[Vec<RawCommands>; 2]>,
+    pub programs: Mutex<Programs>,
+    /// What compiling left behind; the driver lets any thread use it.
+    pub pipeline_cache: vk::PipelineCache,
     pub compute: Queue,
     /// `None`: the compute queue itself.
     pub transfer: Option<Queue>,
@@ -315,11 +319,16 @@ impl Gpu {
             limits(vk_instance, physical, [plan.compute, transfer].map(|f| &families[f as usize]))
         };
         tracing::debug!("device {info}; queues {plan:?}");
+        // SAFETY: the device is alive. Without a cache programs are made as well.
+        let pipeline_cache = unsafe { device.create_pipeline_cache(&Default::default(), None) }
+            .unwrap_or(vk::PipelineCache::null());
         let gpu = Gpu(Arc::new(Inner {
             device,
             allocator: Mutex::new(ManuallyDrop::new(allocator)),
             allocated_bytes: AtomicU64::new(0),
             idle_commands: Mutex::default(),
+            programs: Mutex::default(),
+            pipeline_cache,
             compute,
             transfer,
             #[cfg(feature = "view")]
@@ -417,6 +426,7 @@ impl Drop for Inner {
             {
                 raw.destroy(&self.device);
             }
+            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             ManuallyDrop::drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner));
             self.device.destroy_device(None);
         }

@@ -1,6 +1,6 @@
 //! The only unsafe code: device, memory, timelines, pipelines, and the order between queues.
 //!
-//! One thread records and submits. [`Gpu`] is the device, [`Buffer`] memory, [`ComputePipeline`] a
+//! One thread records and submits; programs are made on any. [`Gpu`] is the device, [`Buffer`] memory, [`ComputePipeline`] a
 //! program, [`Commands`] work being recorded; [`Order`] alone begins and submits work, because it owns
 //! every wait and barrier.
 #![allow(unsafe_code)]
@@ -26,7 +26,7 @@ pub use memory::{Buffer, MemoryKind, stream_words};
 pub use order::{Edge, Event, Order};
 #[cfg(feature = "view")]
 pub use overlay::{Overlay, Picture};
-pub use pipeline::{Binding, BindingKind, ComputePipeline};
+pub use pipeline::{Binding, BindingKind, ComputePipeline, Recipe};
 pub use ring::UploadRing;
 #[cfg(feature = "view")]
 pub use swapchain::{Acquired, Swapchain, Window};

@@ -201,6 +201,16 @@ impl Order {
         Ok((commands, slot))
     }
 
+    /// Whether [`Order::begin_frame`] would not wait; looks again for so long at most.
+    #[cfg(feature = "view")]
+    pub fn has_free_frame(&mut self, patience: Duration) -> Result<bool> {
+        let Some(point) = self.frames[self.frame % self.frames.len()] else { return Ok(true) };
+        match self.wait_for(point, patience) {
+            Err(super::GpuError::Timeout { .. }) => Ok(false),
+            done => done.map(|()| true),
+        }
+    }
+
     /// Stands between two passes of a build or a frame of which the second reads or overwrites what the
     /// first wrote.
     pub fn next_pass(&mut self, commands: &mut Commands) {

@@ -1,9 +1,11 @@
 //! Compute programs and their buffers.
 
-use std::sync::Arc;
+use std::collections::HashMap;
+use std::sync::{Arc, Weak};
 
 use ash::vk;
 
+use super::device::lock;
 use super::{Buffer, Gpu, GpuError, Result};
 
 /// What every Vulkan device grants; the program may ask for no more.
@@ -13,7 +15,42 @@ const MAX_PUSH_BYTES: u32 = 128;
 #[derive(Clone)]
 pub struct ComputePipeline(Arc<Program>);
 
-struct Program {
+/// What a program is made of: see [`ComputePipeline::new`].
+#[derive(Clone, Debug)]
+pub struct Recipe {
+    /// For messages.
+    pub name: &'static str,
+    /// SPIR-V.
+    pub words: &'static [u32],
+    /// Specialisation constants: id, bits.
+    pub constants: Vec<(u32, u32)>,
+    /// Size of the push constants.
+    pub push_bytes: u32,
+    /// Bindings of set 0.
+    pub bindings: &'static [BindingKind],
+}
+
+impl Recipe {
+    /// Makes the program, unless it is there: on any thread.
+    pub fn make(&self, gpu: &Gpu) -> Result<ComputePipeline> {
+        let Recipe { name, words, constants, push_bytes, bindings } = self;
+        ComputePipeline::new(gpu, name, words, constants, *push_bytes, bindings)
+    }
+}
+
+/// What tells programs of a device apart; of the words it is enough where they are.
+#[derive(PartialEq, Eq, Hash)]
+pub(super) struct Kind {
+    words: (usize, usize),
+    constants: Vec<(u32, u32)>,
+    push_bytes: u32,
+    bindings: Vec<BindingKind>,
+}
+
+/// The programs of a device that someone holds.
+pub(super) type Programs = HashMap<Kind, Weak<Program>>;
+
+pub(super) struct Program {
     gpu: Gpu,
     name: String,
     set_layout: vk::DescriptorSetLayout,
@@ -24,7 +61,7 @@ struct Program {
 }
 
 /// What a binding of a program is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BindingKind {
     /// A buffer of any size that shaders may write.
     Storage,
@@ -45,90 +82,35 @@ impl BindingKind {
 }
 
 impl ComputePipeline {
-    /// Makes a program of SPIR-V `words` (entry point `main`).
+    /// A program of SPIR-V `words` (entry point `main`): made, unless someone holds one of the same words, constants
+    /// and bindings. Takes what the driver needs to compile; any thread may do it.
     ///
     /// `constants` are specialisation constants (id, bits); `push_bytes` is the size of the push
     /// constants, 0 to 128; `bindings` are 0, 1, ... of set 0.
     pub fn new(
         gpu: &Gpu,
         name: &str,
-        words: &[u32],
+        words: &'static [u32],
         constants: &[(u32, u32)],
         push_bytes: u32,
         bindings: &[BindingKind],
     ) -> Result<ComputePipeline> {
-        assert!(push_bytes <= MAX_PUSH_BYTES, "{name}: {push_bytes} bytes of push constants");
-        let device = gpu.device();
-        let failed = |call: &str, e| GpuError::vulkan(format!("{call} for {name}"), e);
-        // Filled step by step, so that Drop gives back what a failed step leaves.
-        let mut program = Program {
-            gpu: gpu.clone(),
-            name: name.to_owned(),
-            set_layout: vk::DescriptorSetLayout::null(),
-            layout: vk::PipelineLayout::null(),
-            handle: vk::Pipeline::null(),
+        let kind = Kind {
+            words: (words.as_ptr() as usize, words.len()),
+            constants: constants.to_vec(),
             push_bytes,
             bindings: bindings.to_vec(),
         };
-        let mut layout = vk::PipelineLayoutCreateInfo::default();
-        let bindings: Vec<_> = (0u32..)
-            .zip(bindings)
-            .map(|(i, kind)| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(i)
-                    .descriptor_type(kind.descriptor())
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
-            })
-            .collect();
-        let set_layouts;
-        if !bindings.is_empty() {
-            let create = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-            // SAFETY: the device is alive: `gpu` holds it.
-            program.set_layout = unsafe { device.create_descriptor_set_layout(&create, None) }
-                .map_err(|e| failed("vkCreateDescriptorSetLayout", e))?;
-            set_layouts = [program.set_layout];
-            layout = layout.set_layouts(&set_layouts);
+        if let Some(program) = lock(&gpu.0.programs).get(&kind).and_then(Weak::upgrade) {
+            return Ok(ComputePipeline(program));
         }
-        let range = [vk::PushConstantRange {
-            stage_flags: vk::ShaderStageFlags::COMPUTE,
-            offset: 0,
-            size: push_bytes,
-        }];
-        if push_bytes > 0 {
-            layout = layout.push_constant_ranges(&range);
-        }
-        // SAFETY: the device and the set layout are alive.
-        program.layout = unsafe { device.create_pipeline_layout(&layout, None) }
-            .map_err(|e| failed("vkCreatePipelineLayout", e))?;
-
-        let module = vk::ShaderModuleCreateInfo::default().code(words);
-        // SAFETY: the words are what the shader compiler wrote.
-        let module = unsafe { device.create_shader_module(&module, None) }
-            .map_err(|e| failed("vkCreateShaderModule", e))?;
-        let entries: Vec<_> = (0u32..)
-            .zip(constants)
-            .map(|(i, (id, _))| vk::SpecializationMapEntry { constant_id: *id, offset: i * 4, size: 4 })
-            .collect();
-        let data: Vec<u8> = constants.iter().flat_map(|(_, bits)| bits.to_ne_bytes()).collect();
-        let specialisation = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
-        let stage = vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::COMPUTE)
-            .module(module)
-            .name(c"main")
-            .specialization_info(&specialisation);
-        let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(program.layout)];
-        // SAFETY: module and layout are alive until the call returns; afterwards the module is not used.
-        let made = unsafe {
-            let made = device.create_compute_pipelines(vk::PipelineCache::null(), &create, None);
-            device.destroy_shader_module(module, None);
-            made
-        };
-        program.handle = made.map_err(|(_, e)| failed("vkCreateComputePipelines", e))?[0];
-        gpu.name_object(program.handle, name);
-        Ok(ComputePipeline(Arc::new(program)))
+        // Not under the lock: others are made meanwhile. Two threads that want the same one make two.
+        let program = Arc::new(Program::new(gpu, name, words, constants, push_bytes, bindings)?);
+        let mut programs = lock(&gpu.0.programs);
+        programs.retain(|_, program| program.strong_count() > 0);
+        programs.insert(kind, Arc::downgrade(&program));
+        Ok(ComputePipeline(program))
     }
-
     /// Ties `buffers` to bindings 0, 1, ... of this program, whole.
     ///
     /// # Panics
@@ -204,6 +186,88 @@ impl ComputePipeline {
 
     pub(super) fn push_bytes(&self) -> u32 {
         self.0.push_bytes
+    }
+}
+
+impl Program {
+    fn new(
+        gpu: &Gpu,
+        name: &str,
+        words: &[u32],
+        constants: &[(u32, u32)],
+        push_bytes: u32,
+        bindings: &[BindingKind],
+    ) -> Result<Program> {
+        assert!(push_bytes <= MAX_PUSH_BYTES, "{name}: {push_bytes} bytes of push constants");
+        let device = gpu.device();
+        let failed = |call: &str, e| GpuError::vulkan(format!("{call} for {name}"), e);
+        // Filled step by step, so that Drop gives back what a failed step leaves.
+        let mut program = Program {
+            gpu: gpu.clone(),
+            name: name.to_owned(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            layout: vk::PipelineLayout::null(),
+            handle: vk::Pipeline::null(),
+            push_bytes,
+            bindings: bindings.to_vec(),
+        };
+        let mut layout = vk::PipelineLayoutCreateInfo::default();
+        let bindings: Vec<_> = (0u32..)
+            .zip(bindings)
+            .map(|(i, kind)| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(i)
+                    .descriptor_type(kind.descriptor())
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let set_layouts;
+        if !bindings.is_empty() {
+            let create = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+            // SAFETY: the device is alive: `gpu` holds it.
+            program.set_layout = unsafe { device.create_descriptor_set_layout(&create, None) }
+                .map_err(|e| failed("vkCreateDescriptorSetLayout", e))?;
+            set_layouts = [program.set_layout];
+            layout = layout.set_layouts(&set_layouts);
+        }
+        let range = [vk::PushConstantRange {
+            stage_flags: vk::ShaderStageFlags::COMPUTE,
+            offset: 0,
+            size: push_bytes,
+        }];
+        if push_bytes > 0 {
+            layout = layout.push_constant_ranges(&range);
+        }
+        // SAFETY: the device and the set layout are alive.
+        program.layout = unsafe { device.create_pipeline_layout(&layout, None) }
+            .map_err(|e| failed("vkCreatePipelineLayout", e))?;
+
+        let module = vk::ShaderModuleCreateInfo::default().code(words);
+        // SAFETY: the words are what the shader compiler wrote.
+        let module = unsafe { device.create_shader_module(&module, None) }
+            .map_err(|e| failed("vkCreateShaderModule", e))?;
+        let entries: Vec<_> = (0u32..)
+            .zip(constants)
+            .map(|(i, (id, _))| vk::SpecializationMapEntry { constant_id: *id, offset: i * 4, size: 4 })
+            .collect();
+        let data: Vec<u8> = constants.iter().flat_map(|(_, bits)| bits.to_ne_bytes()).collect();
+        let specialisation = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&specialisation);
+        let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(program.layout)];
+        // SAFETY: module and layout are alive until the call returns; afterwards the module is not used.
+        let made = unsafe {
+            let made = device.create_compute_pipelines(gpu.0.pipeline_cache, &create, None);
+            device.destroy_shader_module(module, None);
+            made
+        };
+        program.handle = made.map_err(|(_, e)| failed("vkCreateComputePipelines", e))?[0];
+        gpu.name_object(program.handle, name);
+        Ok(program)
     }
 }
 

@@ -5,7 +5,7 @@ use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
 use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
-    Binding, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind,
+    Binding, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Recipe,
     SyncPoint, Timestamps, shaders,
 };
 use crate::stream::pool::Access;
@@ -336,19 +336,13 @@ static PLAIN: Variants = variants!(PLAIN, PLAIN_TEXELS, PLAIN_SSBO);
 static SHADE: Variants = variants!(SHADE, SHADE_TEXELS, SHADE_SSBO);
 
 impl Variants {
-    fn program(
-        &self,
-        gpu: &Gpu,
-        name: &str,
-        access: Access,
-        constants: &[(u32, u32)],
-    ) -> Result<ComputePipeline, GpuError> {
-        let (words, buffers) = match access {
+    fn recipe(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> Recipe {
+        let (words, bindings) = match access {
             Access::Address => (self.by_address, &[BindingKind::Uniform][..]),
             Access::Texels => (self.by_texels, &TEXELS[..]),
             Access::StorageBuffer => (self.by_buffer, &BUFFERS[..]),
         };
-        ComputePipeline::new(gpu, name, words, constants, size_of::<Push>() as u32, buffers)
+        Recipe { name, words, constants, push_bytes: size_of::<Push>() as u32, bindings }
     }
 }
 
@@ -394,6 +388,37 @@ struct Target {
 struct Exact {
     ramped: bool,
     screen: bool,
+}
+
+/// The passes that are there from the start: wide beams, beams, trace, shade.
+fn passes(access: Access) -> [Recipe; 4] {
+    let group = |[x, y]: [u32; 2]| vec![(0, x), (1, y)];
+    let beams = |name, side: u32, before: u32| {
+        let sides = [(2, side), (3, before)];
+        BEAM.recipe(name, access, [group([GROUP[0], 1]), sides.to_vec()].concat())
+    };
+    [
+        beams("wide beams", WIDE_TILE, 0),
+        beams("beams", TILE, WIDE_TILE),
+        TRACE.recipe("trace", access, group(GROUP)),
+        SHADE.recipe("shade", access, group(GROUP)),
+    ]
+}
+
+impl Exact {
+    fn recipe(self, access: Access) -> Recipe {
+        let Exact { ramped, screen } = self;
+        let flags = [(3, ramped), (4, screen)].map(|(id, on)| (id, u32::from(on)));
+        EXACT.recipe("exact", access, [[(0, GROUP[0]), (1, GROUP[1])], flags].concat())
+    }
+}
+
+/// Programs of a window's pictures: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
+/// and pictures quick.
+#[cfg(feature = "view")]
+pub fn recipes(access: Access) -> [Vec<Recipe>; 2] {
+    let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.recipe(access));
+    [passes(access).into(), exact.into()]
 }
 
 /// Lets the columns of `scene` carry what `view` colours by. Before a frame begins: it may be work of its own.
@@ -503,18 +528,13 @@ impl Renderer {
     /// For scenes on `grid`, with heights counted from `anchor` on the device.
     pub fn new(scene: &Scene, grid: Grid, anchor: Height) -> Result<Renderer, GpuError> {
         let access = scene.pool().access();
-        let pass = |name, words: &Variants, group: [u32; 2], constants: &[(u32, u32)]| {
-            let constants = [&[(0, group[0]), (1, group[1])], constants].concat();
-            words.program(scene.gpu(), name, access, &constants)
-        };
-        let beams =
-            |name, side: u32, before: u32| pass(name, &BEAM, [GROUP[0], 1], &[(2, side), (3, before)]);
+        let [wide_beams, beams, trace, shade] = passes(access).map(|recipe| recipe.make(scene.gpu()));
         Ok(Renderer {
-            wide_beams: beams("wide beams", WIDE_TILE, 0)?,
-            beams: beams("beams", TILE, WIDE_TILE)?,
-            trace: pass("trace", &TRACE, GROUP, &[])?,
+            wide_beams: wide_beams?,
+            beams: beams?,
+            trace: trace?,
             plain: None,
-            shade: pass("shade", &SHADE, GROUP, &[])?,
+            shade: shade?,
             exact: HashMap::new(),
             access,
             in_flight: Vec::new(),
@@ -597,18 +617,15 @@ impl Renderer {
         if let Some(program) = self.exact.get(&exact) {
             return Ok(program.clone());
         }
-        let Exact { ramped, screen } = exact;
-        let flags = [(3, ramped), (4, screen)].map(|(id, on)| (id, u32::from(on)));
-        let constants = [[(0, GROUP[0]), (1, GROUP[1])].as_slice(), &flags].concat();
-        let program = EXACT.program(gpu, "exact", self.access, &constants)?;
+        let program = exact.recipe(self.access).make(gpu)?;
         self.exact.insert(exact, program.clone());
         Ok(program)
     }
 
     fn plain(&mut self, gpu: &Gpu) -> Result<ComputePipeline, GpuError> {
         if self.plain.is_none() {
-            let constants = [(0, GROUP[0]), (1, GROUP[1])];
-            self.plain = Some(PLAIN.program(gpu, "plain", self.access, &constants)?);
+            let constants = vec![(0, GROUP[0]), (1, GROUP[1])];
+            self.plain = Some(PLAIN.recipe("plain", self.access, constants).make(gpu)?);
         }
         Ok(self.plain.clone().expect("just made"))
     }

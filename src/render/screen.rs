@@ -3,8 +3,8 @@
 
 use super::frame::{Band, FrameError, Hit, Rays, Renderer, View, carry, sample_at};
 use crate::gpu::{
-    Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Picture, QueueKind, SyncPoint,
-    Timestamps, shaders,
+    Buffer, BufferCopy, Commands, ComputePipeline, GpuError, MemoryKind, Picture, QueueKind, Recipe,
+    SyncPoint, Timestamps, shaders,
 };
 use crate::stream::scene::Scene;
 use crate::stream::table::Table;
@@ -83,8 +83,10 @@ struct Slot {
 }
 
 /// The picture in a window.
+#[derive(Default)]
 pub struct Screen {
-    pack: ComputePipeline,
+    /// Made when first used.
+    pack: Option<ComputePipeline>,
     words: Option<Buffer>,
     shown: Option<[u32; 2]>,
     work: Option<Work>,
@@ -100,22 +102,13 @@ fn halves(address: u64) -> [u32; 2] {
     [address as u32, (address >> 32) as u32]
 }
 
-impl Screen {
-    /// Nothing is shown yet.
-    pub fn new(gpu: &Gpu) -> Result<Screen, GpuError> {
-        let pack = ComputePipeline::new(gpu, "screen", shaders::SCREEN, &[], size_of::<Push>() as u32, &[])?;
-        Ok(Screen {
-            pack,
-            words: None,
-            shown: None,
-            work: None,
-            hits: None,
-            slots: Vec::new(),
-            rows: 0,
-            clocked: None,
-        })
-    }
+/// The program of pictures in a window, beside those of [`super::frame::recipes`].
+pub fn recipe() -> Recipe {
+    let push_bytes = size_of::<Push>() as u32;
+    Recipe { name: "screen", words: shaders::SCREEN, constants: Vec::new(), push_bytes, bindings: &[] }
+}
 
+impl Screen {
     /// Forgets what is under way: the scene is another one. The last picture stays.
     pub fn forget(&mut self) {
         (self.work, self.hits) = (None, None);
@@ -200,7 +193,12 @@ impl Screen {
                 scale: samples as f32 / (sample + 1) as f32,
             };
             scene.order.next_pass(commands);
-            commands.bind(&self.pack);
+            let pack = match self.pack.take() {
+                Some(pack) => pack,
+                None => recipe().make(scene.gpu())?,
+            };
+            commands.bind(&pack);
+            self.pack = Some(pack);
             commands.push(bytemuck::bytes_of(&push));
             commands.keep(sums.clone());
             commands.keep(words.clone());
@@ -239,6 +237,23 @@ impl Screen {
         let pixel = std::array::from_fn(|axis| f64::from(pixel[axis]) + hits.offset[axis]);
         slot.asked = Some(Asked { at, pixel, rays: hits.rays, point: None });
         Ok(true)
+    }
+
+    /// Records that the sums of all samples are copied for the host, as [`super::image::Image::color`] has them; instead
+    /// of [`Screen::ask`].
+    pub fn copy(
+        &self,
+        renderer: &Renderer,
+        scene: &mut Scene,
+        commands: &mut Commands,
+    ) -> Result<Option<Buffer>, GpuError> {
+        let (Some([sums, _]), Some([width, height])) = (renderer.sums_and_hits(), self.shown) else {
+            return Ok(None);
+        };
+        let size = u64::from(width) * u64::from(height) * 16;
+        let back = Buffer::new(scene.gpu(), "picture read back", MemoryKind::Readback, size)?;
+        scene.order.readback(commands, &[(sums, &back, BufferCopy { from: 0, to: 0, size })]);
+        Ok(Some(back))
     }
 
     /// Tells that frame `slot` was submitted.

@@ -10,7 +10,7 @@ use crate::attribute::ClassMask;
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
-    SyncPoint, Timestamps, UploadRing, shaders, stream_words,
+    Recipe, SyncPoint, Timestamps, UploadRing, shaders, stream_words,
 };
 use crate::section::{HighestOf, Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
@@ -155,6 +155,39 @@ enum Pass {
     Pyramid,
 }
 
+impl Pass {
+    /// `variant`: wide heights, every run is shown, bridges follow.
+    fn recipe(self, variant: [bool; 3], access: Access) -> Recipe {
+        let (name, by_address, by_buffer) = match self {
+            Pass::Tops => ("tops", shaders::TOPS, shaders::TOPS_SSBO),
+            Pass::Bridge => ("bridge", shaders::BRIDGE, shaders::BRIDGE_SSBO),
+            Pass::Pyramid => ("pyramid", shaders::PYRAMID, shaders::PYRAMID_SSBO),
+        };
+        let (words, push_bytes, bindings): (_, _, &[_]) = match access {
+            Access::Address | Access::Texels => (by_address, 16, &[]),
+            Access::StorageBuffer => (by_buffer, 0, &[BindingKind::Storage; 3]),
+        };
+        Recipe { name, words, constants: (0..).zip(variant.map(u32::from)).collect(), push_bytes, bindings }
+    }
+}
+
+/// Programs of the derived passes: those of usual sections, with or without bridges, and all others. Whoever holds them
+/// makes uploads quick.
+#[cfg(feature = "view")]
+pub fn recipes(access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
+    let all = (0..8u8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1)).flat_map(|variant| {
+        let [_, all, bridge] = variant;
+        let passes: &[Pass] =
+            if all || bridge { &[Pass::Tops] } else { &[Pass::Tops, Pass::Bridge, Pass::Pyramid] };
+        passes.iter().map(move |&pass| (pass, variant))
+    });
+    let is_usual = |&(pass, [wide, _, bridged]): &(Pass, [bool; 3])| {
+        !wide && (pass != Pass::Tops || bridged == bridge) && (bridge || pass != Pass::Bridge)
+    };
+    let (usual, others): (Vec<_>, Vec<_>) = all.partition(is_usual);
+    [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.recipe(variant, access)).collect())
+}
+
 /// Mirrors `Derive` in `shaders/derive.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -209,6 +242,7 @@ pub struct Scene {
     batch: Option<(Commands, Option<Timestamps>)>,
     staged: Vec<SectionKey>,
     clock: Option<Clock>,
+    is_held: bool,
 }
 
 impl Scene {
@@ -241,7 +275,14 @@ impl Scene {
             batch: None,
             staged: Vec::new(),
             clock: None,
+            is_held: false,
         })
+    }
+
+    /// While held, [`Scene::try_upload`] puts everything off: the programs that it leads to are being made elsewhere.
+    #[cfg(feature = "view")]
+    pub fn hold(&mut self, is_held: bool) {
+        self.is_held = is_held;
     }
 
     /// Starts to copy a section's new version; the old one, if any, stays named until this one is live.
@@ -290,6 +331,9 @@ impl Scene {
 
     /// [`Scene::upload`] without ever waiting for the device: for frames.
     pub fn try_upload(&mut self, key: SectionKey, packed: &Packed) -> Result<Upload, GpuError> {
+        if self.is_held {
+            return Ok(Upload::Later);
+        }
         if packed.layout.uploaded_bytes() > RING_BYTES {
             // It goes in pieces, one after the other.
             return Ok(if self.upload(key, packed)? { Upload::Started } else { Upload::Full });
@@ -731,20 +775,7 @@ impl Scene {
         if let Some(known) = self.passes.get(&(pass, variant)) {
             return Ok(known.clone());
         }
-        let (name, by_address, by_buffer) = match pass {
-            Pass::Tops => ("tops", shaders::TOPS, shaders::TOPS_SSBO),
-            Pass::Bridge => ("bridge", shaders::BRIDGE, shaders::BRIDGE_SSBO),
-            Pass::Pyramid => ("pyramid", shaders::PYRAMID, shaders::PYRAMID_SSBO),
-        };
-        let constants: Vec<_> = (0..).zip(variant.map(u32::from)).collect();
-        let program = match self.pool.access() {
-            Access::Address | Access::Texels => {
-                ComputePipeline::new(&self.gpu, name, by_address, &constants, 16, &[])?
-            }
-            Access::StorageBuffer => {
-                ComputePipeline::new(&self.gpu, name, by_buffer, &constants, 0, &[BindingKind::Storage; 3])?
-            }
-        };
+        let program = pass.recipe(variant, self.pool.access()).make(&self.gpu)?;
         self.passes.insert((pass, variant), program.clone());
         Ok(program)
     }

@@ -1,17 +1,11 @@
 //! What keys do, beyond moving the camera.
 
 use super::input::Action;
-use super::redraw::traced;
-use super::{Options, Viewer, panel, save};
+use super::{Options, Viewer, panel, save, shown_path};
 use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
 use glam::DVec3;
 use std::path::Path;
-
-/// A path as it is told: absolute where that can be found out.
-fn shown_path(path: &Path) -> String {
-    std::path::absolute(path).unwrap_or(path.to_owned()).display().to_string()
-}
 
 impl Viewer {
     pub(super) fn act(&mut self, options: &Options, action: Action) -> anyhow::Result<()> {
@@ -47,9 +41,8 @@ impl Viewer {
             Action::CopyCommand => {
                 if let Some(about) = self.data.about() {
                     let (camera, settings) = (&self.camera, &self.settings);
-                    let cell = options.data.cell;
                     let (inputs, size) = (self.data.inputs(), self.place.size);
-                    let line = save::command(inputs, camera, about, settings, size, cell);
+                    let line = save::command(inputs, camera, about, settings, size, &options.data);
                     self.log(format_args!("command {line}"));
                     self.toolkit.set_clipboard_text(line);
                     self.notify("The command that draws this view is on the clipboard");
@@ -88,31 +81,5 @@ impl Viewer {
             }
             Err(why) => self.notify(why),
         }
-    }
-
-    fn save_picture(&mut self) -> anyhow::Result<()> {
-        let (Some(view), Some(renderer)) = (
-            traced(&self.data, &self.settings, &self.camera, self.colors.as_ref(), self.place.size),
-            &mut self.renderer,
-        ) else {
-            self.notify("There is nothing to save yet");
-            return Ok(());
-        };
-        let path = save::next_free(Path::new("."), "lasray", "png");
-        let table = self.data.table(renderer);
-        let image = renderer.draw_table(self.data.scene_mut(), &view, &table)?;
-        let place = |v: DVec3| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z);
-        let (eye, target) = (place(self.camera.eye()), place(self.camera.target()));
-        let written = image.write(&path, false, &[("Eye", &eye), ("Target", &target)]);
-        // The picture on the screen was drawn over.
-        self.wanted = None;
-        match written {
-            Ok(()) => {
-                self.log(format_args!("saved {}", path.display()));
-                self.notify(format!("Saved {}", shown_path(&path)));
-            }
-            Err(error) => self.notify(error.to_string()),
-        }
-        Ok(())
     }
 }

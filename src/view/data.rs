@@ -157,6 +157,7 @@ pub struct Data {
     is_complete: bool,
     messages: Vec<String>,
     failed: Option<String>,
+    is_held: bool,
 }
 
 impl Data {
@@ -187,9 +188,16 @@ impl Data {
             is_complete: false,
             messages: Vec::new(),
             failed: None,
+            is_held: false,
         };
         data.add(inputs);
         Ok(data)
+    }
+
+    /// While held, files are read, but nothing comes to the device: see [`Scene::hold`].
+    pub fn hold(&mut self, is_held: bool) {
+        self.is_held = is_held;
+        self.scene_mut().hold(is_held);
     }
 
     /// Takes what has arrived, once a frame; the camera, the picture's size and the vertical exaggeration say what is
@@ -385,7 +393,9 @@ impl Data {
             order
         };
         let budget = self.options.device_bytes;
-        self.scene = Some(Scene::new(gpu, keep, access(gpu, budget), budget, visibility, grid.cell())?);
+        let mut scene = Scene::new(gpu, keep, access(gpu, budget), budget, visibility, grid.cell())?;
+        scene.hold(self.is_held);
+        self.scene = Some(scene);
         Ok(())
     }
 

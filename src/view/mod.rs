@@ -2,19 +2,22 @@
 
 mod actions;
 pub mod data;
+mod flight;
 mod input;
 mod moves;
 mod navigate;
 mod overlay;
 mod pace;
 mod panel;
+mod programs;
 mod redraw;
 mod save;
+mod saving;
 mod statistics;
 pub mod watch;
 
 use crate::attribute::{ColorMode, ColorTable};
-use crate::gpu::{DeviceKind, Gpu, GpuOptions, Overlay, Swapchain};
+use crate::gpu::{DeviceKind, Gpu, GpuOptions, Overlay, Swapchain, SyncPoint};
 use crate::render::camera::{Camera, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Renderer, Shade};
 use crate::render::path::CameraPath;
@@ -23,11 +26,13 @@ use anyhow::Context as _;
 use data::Data;
 use glam::DVec3;
 use input::{Action, Input};
-use pace::Pace;
+use pace::{Pace, Rest};
 use panel::{Panel, Settings, Times};
+use programs::Programs;
+use saving::{Saving, Writer};
 use statistics::Statistics;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -51,6 +56,10 @@ const ONE_MOVE: Duration = Duration::from_millis(700);
 const SOON: Duration = Duration::from_millis(6);
 /// And for an image of a window that gives none.
 const LATER: Duration = Duration::from_millis(150);
+/// How often progress is shown, at least, where nothing else is new.
+const PROGRESS: Duration = Duration::from_millis(60);
+/// How long the device may still work at the frame before the last, until the window looks after its events again.
+const PATIENCE: Duration = Duration::from_millis(30);
 
 /// What the window opens with.
 pub struct Options {
@@ -76,6 +85,8 @@ pub struct Options {
     pub fov: f64,
     /// A camera path that is played, and how many frames of it.
     pub path: Option<(CameraPath, u32)>,
+    /// How often.
+    pub laps: u32,
     /// Close when the path is at its end.
     pub quit: bool,
     /// Where statistics of the frames go.
@@ -148,16 +159,20 @@ impl ApplicationHandler<Wake> for App {
         }
     }
 
-    fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some(viewer)) = (cause, &self.viewer) {
-            viewer.window.request_redraw();
+    fn new_events(&mut self, events: &ActiveEventLoop, cause: StartCause) {
+        if let (StartCause::ResumeTimeReached { .. }, Some(viewer)) = (cause, &mut self.viewer) {
+            let result = viewer.look();
+            self.end(events, result);
         }
     }
 
     fn user_event(&mut self, events: &ActiveEventLoop, wake: Wake) {
-        match (wake, &self.viewer) {
+        match (wake, &mut self.viewer) {
             (Wake::Quit, _) => events.exit(),
-            (Wake::Data, Some(viewer)) => viewer.window.request_redraw(),
+            (Wake::Data, Some(viewer)) => {
+                let result = viewer.look();
+                self.end(events, result);
+            }
             (Wake::Data, None) => {}
         }
     }
@@ -207,7 +222,11 @@ struct Question {
 struct Viewer {
     screen: Screen,
     renderer: Option<Renderer>,
+    /// Boxed: it is large, and seldom there.
+    saving: Option<Box<Saving>>,
+    writer: Writer,
     overlay: Overlay,
+    programs: Programs,
     swapchain: Swapchain,
     data: Data,
     gpu: Gpu,
@@ -216,6 +235,9 @@ struct Viewer {
     window: Arc<Window>,
 
     started: Instant,
+    wake: Arc<dyn Fn() + Send + Sync>,
+    /// Those are made that the first picture needs.
+    has_programs: bool,
     camera: Camera,
     /// The camera shows the data.
     is_framed: bool,
@@ -231,6 +253,19 @@ struct Viewer {
     wanted: Option<Wanted>,
     /// The picture being made is for a view that changes.
     is_coarse: bool,
+    /// It was begun because the user changed something, not because of what arrived.
+    is_urgent: bool,
+    /// It is not finished.
+    has_more: bool,
+    /// What is shown is not what there is now.
+    has_news: bool,
+    /// A frame was asked for that could not be drawn yet.
+    is_late: bool,
+    /// More is on its way to the device.
+    is_busy: bool,
+    /// The last frame, until the device is done with it, and when it was begun.
+    drawn: Option<(SyncPoint, Instant)>,
+    rest: Rest,
     pace: Pace,
     version: u64,
     asked: Option<Question>,
@@ -240,16 +275,26 @@ struct Viewer {
     dropped: Vec<PathBuf>,
     notice: Option<(String, Instant)>,
     times: Times,
+    /// Milliseconds since the last frame that went into taking what arrived.
+    upload_ms: f64,
     last_frame: Option<Instant>,
+    /// When one was shown.
+    last_shown: Option<Instant>,
+    last_look: Instant,
     last_zoom: Option<Instant>,
     last_flight: Option<Instant>,
-    /// Frames of the path that were shown.
-    played: u32,
+    /// When the toolkit wants the next frame.
+    repaint: Option<Instant>,
+    flown: flight::Progress,
     statistics: Statistics,
     has_settled: bool,
     /// When to draw next if nothing happens.
     next: Option<Instant>,
     log_events: bool,
+    /// Pixels of the window in the last frame.
+    shown_size: [u32; 2],
+    /// Where the checks of files are, as told last.
+    checks: Vec<(usize, egui::Pos2)>,
 }
 
 impl Viewer {
@@ -279,14 +324,21 @@ impl Viewer {
             None,
             None,
         );
-        let wake = move || drop(proxy.send_event(Wake::Data));
-        let data = Data::open(&gpu, options.inputs.clone(), options.data.clone(), wake)?;
+        let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(move || drop(proxy.send_event(Wake::Data)));
+        let (news, made) = (Arc::clone(&wake), Arc::clone(&wake));
+        let mut data = Data::open(&gpu, options.inputs.clone(), options.data.clone(), move || news())?;
+        data.hold(true);
+        let is_bridged = options.data.visibility.bridge > 0;
+        let programs = Programs::make(&gpu, data.scene().pool().access(), is_bridged, move || made());
         let projection = Projection::Perspective { fov: options.fov };
         window.request_redraw();
         Ok(Viewer {
-            screen: Screen::new(&gpu)?,
+            screen: Screen::default(),
             renderer: None,
+            saving: None,
+            writer: Writer::default(),
             overlay,
+            programs,
             swapchain,
             data,
             pace: Pace::new(gpu.info().kind == DeviceKind::Cpu),
@@ -294,6 +346,8 @@ impl Viewer {
             toolkit,
             context,
             started,
+            wake,
+            has_programs: false,
             camera: Camera::orbit(DVec3::ZERO, DEFAULT_ORBIT, 100.0, projection)?,
             is_framed: false,
             views: Vec::new(),
@@ -310,6 +364,13 @@ impl Viewer {
             place: overlay::Place { rect: egui::Rect::ZERO, size: [0; 2] },
             wanted: None,
             is_coarse: true,
+            is_urgent: false,
+            has_more: false,
+            has_news: false,
+            is_late: false,
+            is_busy: false,
+            drawn: None,
+            rest: Rest::default(),
             version: 0,
             asked: None,
             answers_due: false,
@@ -318,14 +379,20 @@ impl Viewer {
             dropped: Vec::new(),
             notice: None,
             times: Times::default(),
+            upload_ms: 0.0,
             last_frame: None,
+            last_shown: None,
+            last_look: started,
             last_zoom: None,
             last_flight: None,
-            played: 0,
+            repaint: None,
+            flown: flight::Progress::default(),
             statistics: Statistics::default(),
             has_settled: false,
             next: None,
             log_events: options.log_events,
+            shown_size: [0; 2],
+            checks: Vec::new(),
             window,
         })
     }
@@ -437,6 +504,11 @@ impl Viewer {
         let is_free = self.context.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background);
         self.place.rect.contains(at) && is_free
     }
+}
+
+/// A path as it is told: absolute where that can be found out.
+fn shown_path(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or(path.to_owned()).display().to_string()
 }
 
 /// What the window is called: by its inputs, of many the first.

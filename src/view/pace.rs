@@ -1,5 +1,7 @@
 //! How much of a picture one frame traces, so that the window stays at hand on slow devices. Pure.
 
+use std::time::{Duration, Instant};
+
 /// What one frame may take on the device, milliseconds.
 const FRAME_MS: f64 = 50.0;
 /// Coarsest pictures: this share of the width and height.
@@ -42,9 +44,48 @@ impl Pace {
     }
 }
 
+/// Longest frame that is rested after in full, milliseconds: the first ones may be far longer than what follows.
+const LONGEST: Duration = Duration::from_millis(125);
+
+/// When frames may be drawn that nothing but arriving data asks for: they take a third of the time at most, the rest is
+/// left to the reading. Pure.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Rest {
+    end: Option<Instant>,
+}
+
+impl Rest {
+    /// A frame is done at `now`, and `took` so long.
+    pub fn after(&mut self, took: Duration, now: Instant) {
+        self.end = Some(now + 2 * took.min(LONGEST));
+    }
+
+    /// From when on, at or after `now`.
+    pub fn end(&self, now: Instant) -> Instant {
+        self.end.map_or(now, |end| end.max(now))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_third_of_the_time_is_for_frames_of_arriving_data() {
+        let start = Instant::now();
+        let mut rest = Rest::default();
+        assert_eq!(rest.end(start), start);
+        let (mut now, mut drawn) = (start, Duration::ZERO);
+        for ms in [20, 50, 5, 100] {
+            let took = Duration::from_millis(ms);
+            now = rest.end(now) + took;
+            drawn += took;
+            rest.after(took, now);
+        }
+        assert_eq!(rest.end(now) - start, 3 * drawn);
+        rest.after(Duration::from_secs(5), now);
+        assert_eq!(rest.end(now) - now, 2 * LONGEST);
+    }
 
     #[test]
     fn slow_devices_trace_less_and_fast_ones_all() {

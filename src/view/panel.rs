@@ -9,8 +9,8 @@ use crate::render::screen::Place;
 use crate::source::placement::Placement;
 use crate::stream::scene::Visibility;
 use egui::{
-    Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, RichText, ScrollArea, Sense,
-    Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,
+    Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,
+    Sense, Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,
 };
 use glam::DVec3;
 use std::collections::VecDeque;
@@ -99,6 +99,8 @@ pub struct Asked {
     pub go_to: Option<(f64, f64, Option<f64>)>,
     /// A view to open.
     pub open: Option<PathBuf>,
+    /// Where the checks of the files in sight lie, points.
+    pub checks: Vec<(usize, Pos2)>,
 }
 
 /// The panel and its boxes.
@@ -555,7 +557,9 @@ fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
         for (index, file) in rows.clone().zip(&files[rows]) {
             ui.horizontal(|ui| {
                 let mut is_shown = file.shown;
-                if ui.add(Checkbox::without_text(&mut is_shown)).changed() {
+                let check = ui.add(Checkbox::without_text(&mut is_shown));
+                asked.checks.push((index, check.rect.center()));
+                if check.changed() {
                     asked.file = Some((index, is_shown));
                 }
                 ui.with_layout(Layout::right_to_left(Align::Center), |ui| {

@@ -1,14 +1,16 @@
 //! One frame: what has arrived, the toolkit's part, the next piece of the picture, and both onto the window.
 
 use super::data::{Data, Status};
+use super::flight::Flight;
 use super::panel::{self, Settings, Shown};
-use super::{LATER, Options, Question, SAMPLES, SOON, Viewer, Wanted, overlay};
+use super::statistics::Flown;
+use super::{LATER, Options, PATIENCE, PROGRESS, Question, SAMPLES, SOON, Viewer, Wanted, overlay};
 use crate::attribute::{ColorMode, ColorTable};
 use crate::render::camera::Camera;
 use crate::render::frame::{Background, Renderer, Shade, Traversal, View, check_size};
 use egui::{Color32, FontId, Rect};
 use std::ffi::OsString;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Where lit pictures end.
 pub(super) fn floor(data: &Data) -> Option<f64> {
@@ -41,26 +43,39 @@ pub(super) fn traced<'a>(
 }
 
 impl Viewer {
-    /// Draws a frame; `true` when the window is to be closed.
-    pub(super) fn redraw(&mut self, options: &Options) -> anyhow::Result<bool> {
-        let begun = Instant::now();
-        self.next = None;
-        self.take_dropped();
+    /// Takes what has arrived, and asks for a frame when one is due.
+    pub(super) fn look(&mut self) -> anyhow::Result<()> {
+        let now = Instant::now();
+        if now < self.last_look + SOON / 2 {
+            // News come in crowds.
+            self.next = Some(self.next.map_or(now + SOON, |next| next.min(now + SOON)));
+            return Ok(());
+        }
+        self.take_news()?;
+        self.plan_next();
+        Ok(())
+    }
 
-        let tick = self.data.tick(
-            &self.gpu,
-            &self.camera,
-            self.place.size,
-            self.settings.z_scale,
-            self.settings.shade == Shade::Lit,
-        )?;
-        let upload_ms = begun.elapsed().as_secs_f64() * 1e3;
-        if tick.is_new_scene {
-            self.renderer = None;
-            self.colors = None;
-            self.screen.forget();
-            (self.asked, self.answers_due) = (None, false);
-            self.log(format_args!("scene"));
+    /// Takes what has come from files, other threads and the device. Waits for nothing.
+    pub(super) fn take_news(&mut self) -> anyhow::Result<()> {
+        let begun = Instant::now();
+        self.last_look = begun;
+        if !self.has_programs && self.programs.are_there()? {
+            self.has_programs = true;
+            self.data.hold(false);
+            self.log(format_args!("programs {:.0} ms", self.started.elapsed().as_secs_f64() * 1e3));
+        }
+        self.take_saved()?;
+        if self.saving.is_none() {
+            self.take_data()?;
+        }
+        self.upload_ms += begun.elapsed().as_secs_f64() * 1e3;
+        if let Some((point, drawn)) = self.drawn
+            && self.data.scene_mut().order.reached(point)?
+        {
+            let now = Instant::now();
+            self.rest.after(now - drawn, now);
+            self.drawn = None;
         }
         if let Some(renderer) = &self.renderer {
             for pick in self.screen.take_picks(renderer, self.data.scene_mut())? {
@@ -71,6 +86,10 @@ impl Viewer {
                         at.x, at.y, place.height, place.class
                     ));
                 }
+                // While data arrive, the next frame tells.
+                if self.data.is_complete() {
+                    self.window.request_redraw();
+                }
                 self.pick = Some((pick, self.camera));
                 self.answers_due = false;
             }
@@ -79,8 +98,70 @@ impl Viewer {
             self.pace.learn(pixels, ms);
             self.times.trace.push(ms);
         }
+        Ok(())
+    }
+
+    fn take_data(&mut self) -> anyhow::Result<()> {
+        let tick = self.data.tick(
+            &self.gpu,
+            &self.camera,
+            self.place.size,
+            self.settings.z_scale,
+            self.settings.shade == Shade::Lit,
+        )?;
+        self.has_news |= tick.changed;
+        self.is_busy = tick.is_busy;
+        if tick.is_new_scene {
+            self.renderer = None;
+            self.colors = None;
+            self.screen.forget();
+            (self.asked, self.answers_due, self.drawn) = (None, false, None);
+            self.log(format_args!("scene"));
+        }
+        Ok(())
+    }
+
+    /// When to look again if nothing happens, and whether a frame is due. What the user does is drawn at once; what only
+    /// arrives, when the frames before it have rested long enough.
+    fn plan_next(&mut self) {
+        let now = Instant::now();
+        let is_settled = self.has_settled && self.data.is_complete();
+        let mut due = self.repaint.into_iter().chain(self.notice.as_ref().map(|(_, end)| *end)).min();
+        let mut at = |when: Instant| due = Some(due.map_or(when, |due: Instant| due.min(when)));
+        if self.is_late {
+            at(now);
+        }
+        // While the device draws it is not known how long that takes.
+        if self.drawn.is_none() {
+            let rested = self.rest.end(now);
+            if self.has_news || self.has_more {
+                at(rested);
+            } else if !is_settled {
+                // Progress moves without news.
+                at(rested.max(self.last_shown.unwrap_or(now) + PROGRESS));
+            }
+        }
+        if due.is_some_and(|due| due <= now) {
+            self.window.request_redraw();
+            due = Some(now + LATER);
+        }
+        let is_watched = self.drawn.is_some() && !is_settled;
+        let soon = (self.is_busy || self.answers_due || is_watched).then_some(now + SOON);
+        self.next = due.into_iter().chain(soon).min();
+    }
+
+    /// Draws a frame; `true` when the window is to be closed.
+    pub(super) fn redraw(&mut self, options: &Options) -> anyhow::Result<bool> {
+        let begun = Instant::now();
+        self.take_dropped();
+        // Events are looked after while the device is behind.
+        if !self.data.scene_mut().order.has_free_frame(PATIENCE)? {
+            (self.is_late, self.next) = (true, Some(Instant::now() + SOON));
+            return Ok(false);
+        }
+        self.take_news()?;
         self.fly();
-        let is_playing = self.play(options)?;
+        let flight = self.play(options)?;
 
         let mut output = self.lay_out()?;
         let pixels_per_point = output.pixels_per_point;
@@ -91,48 +172,45 @@ impl Viewer {
         if !self.is_framed && self.data.about().is_some() && !self.place.size.contains(&0) {
             self.first_view(options)?;
         }
-        self.apply_settings()?;
+        // A picture that is being saved stays as it was begun.
+        if self.saving.is_none() {
+            self.apply_settings()?;
+        }
 
-        let has_more = self.plan(tick.changed)?;
+        let has_news = std::mem::take(&mut self.has_news);
+        self.has_more = self.plan(has_news)?;
         let submitted = self.submit((pixels_per_point, &primitives))?;
         self.overlay.free_textures(free);
         if !submitted {
             // Minimised, or in the middle of a change.
-            self.next = Some(begun + LATER);
+            (self.is_late, self.next) = (true, Some(begun + LATER));
             return Ok(false);
         }
+        self.is_late = false;
         self.data.scene_mut().order.collect()?;
 
-        let is_moving = self.input.is_flying() || is_playing;
-        self.note_times(begun, upload_ms, has_more || is_moving);
-        if is_playing {
-            self.played += 1;
+        let is_moving = self.input.is_flying() || flight == Flight::Flies;
+        let is_complete = self.data.is_complete();
+        let goes_on = is_moving || self.saving.is_some() || self.has_more && (is_complete || self.is_urgent);
+        self.note_times(begun, goes_on, flight == Flight::Flies);
+        let lap = options.path.as_ref().filter(|_| flight == Flight::Flies);
+        if lap.is_some_and(|(_, frames)| self.flown.advance(*frames)) {
+            self.statistics.end_lap();
+            self.last_frame = None;
+            self.log(format_args!("lap {}", self.flown.lap));
         }
         let repaint = output.viewport_output.get(&egui::ViewportId::ROOT).map(|out| out.repaint_delay);
-        let until = |at: Option<Instant>, new: Instant| Some(at.map_or(new, |at| at.min(new)));
-        if has_more || is_moving || repaint.is_some_and(|delay| delay.is_zero()) {
+        self.repaint = repaint.filter(|delay| !delay.is_zero()).and_then(|delay| begun.checked_add(delay));
+        if goes_on || repaint.is_some_and(|delay| delay.is_zero()) {
             self.window.request_redraw();
         }
-        if tick.is_busy || self.answers_due {
-            self.next = until(self.next, begun + SOON);
-        }
-        if !self.data.status().is_complete {
-            // Progress moves without news.
-            self.next = until(self.next, begun + LATER);
-        }
-        if let Some(at) = repaint.and_then(|delay| begun.checked_add(delay)) {
-            self.next = until(self.next, at);
-        }
-        if let Some((_, end)) = self.notice {
-            self.next = until(self.next, end);
-        }
-        let has_settled = !has_more && !tick.is_busy && !is_moving && self.data.status().is_complete;
+        let has_settled = !self.has_more && !self.has_news && !self.is_busy && !is_moving && is_complete;
         if has_settled && !self.has_settled {
             self.log_settled();
         }
         self.has_settled = has_settled;
-        let is_over = options.path.as_ref().is_some_and(|(_, frames)| self.played >= *frames);
-        Ok(is_over && options.quit)
+        self.plan_next();
+        Ok(options.quit && options.path.is_some() && self.flown.lap >= options.laps)
     }
 
     /// Everything has come and the picture is finished.
@@ -143,8 +221,12 @@ impl Viewer {
         }
         let (eye, [azimuth, elevation]) = (self.camera.eye(), self.camera.angles());
         self.log(format_args!(
-            "settled {width}x{height} eye {:.2},{:.2},{:.2} look {azimuth:.2},{elevation:.2} sections {}",
-            eye.x, eye.y, eye.z, status.sections_resident
+            "settled {width}x{height} eye {:.2},{:.2},{:.2} look {azimuth:.2},{elevation:.2} sections {} buffers {}",
+            eye.x,
+            eye.y,
+            eye.z,
+            status.sections_resident,
+            self.gpu.allocated_bytes()
         ));
     }
 
@@ -160,20 +242,6 @@ impl Viewer {
         if !data.is_empty() {
             self.data.add(data.into_iter().map(OsString::from).collect());
         }
-    }
-
-    /// Follows the camera path; whether there is more of it.
-    fn play(&mut self, options: &Options) -> anyhow::Result<bool> {
-        let Some((path, frames)) = &options.path else { return Ok(false) };
-        let Some(about) = self.data.about().filter(|_| self.is_framed && self.played < *frames) else {
-            return Ok(false);
-        };
-        let placed = path.placed(|v| about.placement.place(v.x, v.y, v.z))?;
-        let frame = placed.spread(*frames).nth(self.played as usize);
-        if let Some(frame) = frame {
-            self.camera = placed.camera(frame)?;
-        }
-        Ok(true)
     }
 
     /// Runs the toolkit: panel, status bar, boxes, what is drawn over the picture.
@@ -227,7 +295,15 @@ impl Viewer {
         let size = [side(scaled.left(), scaled.right()), side(scaled.top(), scaled.bottom())];
         self.place = overlay::Place { rect, size };
 
+        if self.log_events && asked.checks != self.checks {
+            for (file, at) in &asked.checks {
+                let at = *at * output.pixels_per_point;
+                self.log(format_args!("check {file} {:.0} {:.0}", at.x, at.y));
+            }
+            self.checks = asked.checks;
+        }
         if let Some((file, is_shown)) = asked.file {
+            self.log(format_args!("file {file} {}", if is_shown { "shown" } else { "hidden" }));
             self.data.set_visible(file, is_shown);
         }
         if let Some(place) = asked.go_to {
@@ -273,7 +349,7 @@ impl Viewer {
     /// Starts a picture where one is wanted; whether there is something left to trace.
     fn plan(&mut self, is_changed: bool) -> anyhow::Result<bool> {
         let size = self.place.size;
-        if self.data.about().is_none() || !self.is_framed || size.contains(&0) {
+        if !self.has_programs || self.data.about().is_none() || !self.is_framed || size.contains(&0) {
             return Ok(false);
         }
         check_size(&self.gpu, size)?;
@@ -284,7 +360,9 @@ impl Viewer {
         }
         let wanted = Wanted { camera: self.camera, settings: self.settings.clone(), size };
         let coarse = self.pace.coarse(size);
-        if is_changed || self.wanted.as_ref() != Some(&wanted) {
+        let is_wanted = self.wanted.as_ref() == Some(&wanted);
+        if is_changed || !is_wanted {
+            self.is_urgent = !is_wanted;
             self.wanted = Some(wanted);
             self.is_coarse = coarse != size;
             self.screen.start(coarse);
@@ -311,19 +389,34 @@ impl Viewer {
         if let Some(view) = &view {
             self.screen.prepare(scene, view)?;
         }
+        let begun = Instant::now();
         let (mut commands, slot) = scene.order.begin_frame("window")?;
         let Some(image) = self.swapchain.acquire(slot)? else { return Ok(false) };
+        if self.shown_size != image.size() {
+            self.shown_size = image.size();
+            let [width, height] = self.shown_size;
+            if self.log_events {
+                println!("size {width}x{height}");
+            }
+        }
         if let (Some(view), Some(renderer)) = (&view, &mut self.renderer) {
             let before = self.screen.samples();
             let rows = if self.is_coarse { size[1] } else { self.pace.rows(size[0]) };
             self.screen.record(renderer, scene, (&mut commands, slot), view, &table, rows)?;
             self.version += u64::from(self.screen.samples() != before && before == 0);
+            let mut is_copied = false;
+            if let Some(saving) = &mut self.saving {
+                let rows = self.pace.rows(self.place.size[0]);
+                is_copied = saving.record(&mut self.data, (&mut commands, slot), rows)?;
+            }
+            let scene = self.data.scene_mut();
             let scale = self.place.size.map(|n| f64::from(n.max(1)));
             let at = self.input.cursor().map(|c| [c[0] / scale[0], c[1] / scale[1]]);
             let is_inside = |at: &[f64; 2]| at.iter().all(|v| (0.0..1.0).contains(v));
             if let Some(cursor) = at.filter(is_inside) {
                 let question = Question { cursor, version: self.version };
-                if self.asked != Some(question)
+                if !is_copied
+                    && self.asked != Some(question)
                     && self.screen.ask(renderer, scene, (&mut commands, slot), cursor)?
                 {
                     self.asked = Some(question);
@@ -338,26 +431,50 @@ impl Viewer {
         let [width, height] = self.place.size;
         let picture = self.screen.picture([left, top, width, height]);
         let overlay = &mut self.overlay;
+        let scene = self.data.scene_mut();
         scene.order.draw(&mut commands, &image, |commands| {
             overlay.paint(commands, slot, &image, picture, (pixels_per_point, primitives))
         })?;
         let point = scene.order.submit(commands)?;
         scene.drawn(point);
         self.screen.submitted(slot, point);
+        if let Some(saving) = &mut self.saving {
+            saving.submitted(slot, point);
+        }
+        self.drawn.get_or_insert((point, begun));
         self.window.pre_present_notify();
         self.swapchain.present(image)?;
         Ok(true)
     }
 
-    fn note_times(&mut self, begun: Instant, upload_ms: f64, goes_on: bool) {
-        if let Some(last) = self.last_frame {
-            let ms = (begun - last).as_secs_f64() * 1e3;
+    fn note_times(&mut self, begun: Instant, goes_on: bool, is_flown: bool) {
+        let ms = |time: Duration| time.as_secs_f64() * 1e3;
+        let upload_ms = std::mem::take(&mut self.upload_ms);
+        let since_last = self.last_frame.map(|last| ms(begun - last));
+        if let Some(ms) = since_last {
             self.times.frame.push(ms);
             self.times.upload.push(upload_ms);
             self.statistics.frames.push(ms);
         }
         self.last_frame = goes_on.then_some(begun);
-        let since_start = self.started.elapsed().as_secs_f64() * 1e3;
+        if is_flown {
+            let pixels = |[width, height]: [u32; 2]| f64::from(width) * f64::from(height);
+            let picture = self.screen.size().map_or(0.0, pixels);
+            let status = self.data.status();
+            self.statistics.flown(Flown {
+                // What came before a lap is none of it.
+                ms: since_last.filter(|_| self.flown.frame > 0),
+                upload_ms,
+                share: picture / pixels(self.place.size).max(1.0),
+                is_complete: status.is_complete,
+                waits: status.frames_waited,
+            });
+        }
+        let (now, since_start) = (Instant::now(), ms(self.started.elapsed()));
+        let gap = self.last_shown.replace(now).map(|last| ms(now - last));
+        if self.statistics.first_picture.is_none() {
+            self.statistics.longest_gap = gap.into_iter().chain(self.statistics.longest_gap).reduce(f64::max);
+        }
         if self.statistics.first_frame.is_none() {
             self.statistics.first_frame = Some(since_start);
             self.log(format_args!("first frame {since_start:.0} ms"));
@@ -365,7 +482,12 @@ impl Viewer {
         let has_picture = self.screen.samples() > 0 && !self.data.scene().entries().is_empty();
         if self.statistics.first_picture.is_none() && has_picture {
             self.statistics.first_picture = Some(since_start);
-            self.log(format_args!("first picture {since_start:.0} ms"));
+            let gap = self.statistics.longest_gap.unwrap_or(0.0);
+            self.log(format_args!("first picture {since_start:.0} ms, longest gap {gap:.0} ms"));
+        }
+        if self.statistics.complete.is_none() && has_picture && self.data.is_complete() {
+            self.statistics.complete = Some(since_start);
+            self.log(format_args!("complete {since_start:.0} ms"));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What leaves the window: pictures, views, and the command line that draws the same.
 
-use super::data::About;
+use super::data::{self, About};
 use super::panel::Settings;
 use crate::attribute::ClassMask;
 use crate::coords::tidy;
@@ -67,7 +67,7 @@ pub fn command(
     about: &About,
     settings: &Settings,
     size: [u32; 2],
-    cell: Option<f64>,
+    opened: &data::Options,
 ) -> String {
     let place = |v: DVec3| {
         let v = about.placement.unplace(v);
@@ -98,13 +98,24 @@ pub fn command(
     if settings.z_scale != 1.0 {
         option("z-scale", tidy(settings.z_scale));
     }
-    if let Some(cell) = cell {
+    if let Some(cell) = opened.cell {
         option("cell", tidy(cell));
+    }
+    if let Some(unit) = &opened.placement.z_unit {
+        option("z-unit", unit.symbol().to_owned());
+    }
+    if let Some(bits) = opened.rgb_bits {
+        option("rgb-bits", bits.to_string());
     }
     if settings.shade == Shade::None {
         option("shade", "none".to_owned());
     } else if settings.visibility.bridge == 0 {
         words.push("--no-bridge".to_owned());
+    }
+    for (name, is_on) in
+        [("--mix-crs", opened.placement.mix_crs), ("--withheld", settings.visibility.withheld)]
+    {
+        words.extend(is_on.then(|| name.to_owned()));
     }
     words.extend(["-o".to_owned(), "view.png".to_owned()]);
     words.join(" ")

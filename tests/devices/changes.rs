@@ -84,7 +84,7 @@ fn files_that_change_are_seen_as_they_are() {
         }));
         let all = super::town().bounds;
         let camera = Camera::orbit(all.center(), [20.0, 50.0], 500.0, Projection::default()).unwrap();
-        let mut seen = Seen::open(setup.gpu(), &paths, camera.clone());
+        let mut seen = Seen::open(setup.gpu(), &paths, camera);
         seen.until(|_| true);
         let whole = seen.picture();
         // In the place of the first, less; the second is gone.

@@ -1,0 +1,86 @@
+//! The device's programs, made on threads of their own: a driver may take seconds to compile them, and the window answers
+//! meanwhile.
+
+use crate::gpu::{ComputePipeline, Gpu, GpuError, Recipe};
+use crate::render::{frame, screen};
+use crate::stream::{pool::Access, scene};
+use crossbeam_channel::{Receiver, unbounded};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
+
+/// Most threads that make programs.
+const MOST_THREADS: usize = 4;
+
+/// See the module.
+pub struct Programs {
+    made: Receiver<(usize, Result<ComputePipeline, GpuError>)>,
+    /// Held, so that whoever wants one finds it.
+    kept: Vec<ComputePipeline>,
+    /// The first so many of all are what the first picture needs; these of them are not there yet.
+    needed: usize,
+    missing: usize,
+    is_over: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+/// What the first picture needs, what takes longest first; then the rest.
+fn recipes(access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
+    let ([mut needed, more], [derived, others]) = (frame::recipes(access), scene::recipes(access, bridge));
+    needed.reverse();
+    needed.extend(derived);
+    needed.push(screen::recipe());
+    [needed, more.into_iter().chain(others).collect()]
+}
+
+impl Programs {
+    /// Begins to make them; `wake` is called when one is there.
+    pub fn make(
+        gpu: &Gpu,
+        access: Access,
+        bridge: bool,
+        wake: impl Fn() + Send + Sync + 'static,
+    ) -> Programs {
+        let [needed, more] = recipes(access, bridge);
+        let count = needed.len();
+        let all: Arc<[Recipe]> = needed.into_iter().chain(more).collect();
+        let (send, made) = unbounded();
+        let (next, is_over, wake) =
+            (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)), Arc::new(wake));
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let thread = |_| {
+            let (gpu, all, send) = (gpu.clone(), Arc::clone(&all), send.clone());
+            let (next, is_over, wake) = (Arc::clone(&next), Arc::clone(&is_over), Arc::clone(&wake));
+            std::thread::spawn(move || {
+                while !is_over.load(Ordering::Relaxed) {
+                    let at = next.fetch_add(1, Ordering::Relaxed);
+                    let Some(recipe) = all.get(at) else { return };
+                    // The window may be gone.
+                    let _ = send.send((at, recipe.make(&gpu)));
+                    wake();
+                }
+            })
+        };
+        let threads = (0..cores.min(MOST_THREADS)).map(thread).collect();
+        Programs { made, kept: Vec::new(), needed: count, missing: count, is_over, threads }
+    }
+
+    /// Whether all are there that the first picture needs.
+    pub fn are_there(&mut self) -> Result<bool, GpuError> {
+        for (at, program) in self.made.try_iter() {
+            self.kept.push(program?);
+            self.missing -= usize::from(at < self.needed);
+        }
+        Ok(self.missing == 0)
+    }
+}
+
+impl Drop for Programs {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        // What a driver is in the middle of cannot be stopped, and must not outlive the device.
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}
