@@ -53,9 +53,17 @@ const uint NO_KEY = 0xFFFFFFFFu;
 
 bool is_section(uint top) { return (top & 1u) != 0u; }
 
+// Lavapipe compiles a program anew for the values of a uniform block that branches follow from, whenever the block is
+// bound: a pass that is not worth that, in every frame, defines FRAME_STORED.
+#ifdef FRAME_STORED
+#define FRAME_BLOCK readonly buffer
+#else
+#define FRAME_BLOCK uniform
+#endif
+
 #ifdef POOL_SSBO
 layout(set = 0, binding = 1, scalar) readonly buffer Table { Node nodes[]; };
-layout(set = 0, binding = 2, scalar) uniform FrameBlock { Frame frame; };
+layout(set = 0, binding = 2, scalar) FRAME_BLOCK FrameBlock { Frame frame; };
 layout(set = 0, binding = 3, scalar) buffer Hits { uvec4 hits[]; };
 layout(set = 0, binding = 4, scalar) buffer Colors { vec4 colors[]; };
 layout(set = 0, binding = 5, scalar) readonly buffer Ramp { vec4 ramp[]; };
@@ -71,7 +79,7 @@ layout(set = 0, binding = 4, scalar) writeonly buffer Screen { uint screen[]; };
 #define RAMP ramp
 #else
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Table { Node nodes[]; };
-layout(set = 0, binding = 0, scalar) uniform FrameBlock { Frame frame; };
+layout(set = 0, binding = 0, scalar) FRAME_BLOCK FrameBlock { Frame frame; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Hits { uvec4 hits[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Colors { vec4 colors[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ramp { vec4 ramp[]; };

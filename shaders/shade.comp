@@ -5,6 +5,7 @@
 // directions), sides by their own direction, tops by the slope that fits their neighbours.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#define FRAME_STORED
 #include "pool.glsl"
 #include "section.glsl"
 #include "frame.glsl"

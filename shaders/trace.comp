@@ -1,6 +1,7 @@
 // Traces one ray a pixel and writes the hit records.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#define FRAME_STORED
 #include "pool.glsl"
 #include "section.glsl"
 #include "frame.glsl"

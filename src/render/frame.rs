@@ -303,44 +303,67 @@ impl Push {
 
 /// What the passes are given where the pool is a storage buffer: pool, table, constants, hits, colours, ramp, beams,
 /// wide beams.
-const BUFFERS: [BindingKind; 8] = {
+const fn buffers(constants: BindingKind) -> [BindingKind; 8] {
     let mut all = [BindingKind::Storage; 8];
-    all[2] = BindingKind::Uniform;
+    all[2] = constants;
     all
-};
+}
 
 /// And where it is read as texels: constants, pool, table, beams.
-const TEXELS: [BindingKind; 4] = {
+const fn texels(constants: BindingKind) -> [BindingKind; 4] {
     let mut all = [BindingKind::Texels; 4];
-    all[0] = BindingKind::Uniform;
+    all[0] = constants;
     all
-};
+}
+
+/// What a pass is given, with each [`Access`].
+struct Bindings {
+    by_address: [BindingKind; 1],
+    by_texels: [BindingKind; 4],
+    by_buffer: [BindingKind; 8],
+}
+
+impl Bindings {
+    const fn new(constants: BindingKind) -> Bindings {
+        Bindings { by_address: [constants], by_texels: texels(constants), by_buffer: buffers(constants) }
+    }
+}
+
+/// Constants in a uniform block; and, where `shaders/frame.glsl` says so by `FRAME_STORED`, in a storage buffer.
+static UNIFORM: Bindings = Bindings::new(BindingKind::Uniform);
+static STORED: Bindings = Bindings::new(BindingKind::Storage);
 
 /// A pass's program for each [`Access`].
 struct Variants {
+    bindings: &'static Bindings,
     by_address: &'static [u32],
     by_texels: &'static [u32],
     by_buffer: &'static [u32],
 }
 
 macro_rules! variants {
-    ($address:ident, $texels:ident, $buffer:ident) => {
-        Variants { by_address: shaders::$address, by_texels: shaders::$texels, by_buffer: shaders::$buffer }
+    ($bindings:ident, $address:ident, $texels:ident, $buffer:ident) => {
+        Variants {
+            bindings: &$bindings,
+            by_address: shaders::$address,
+            by_texels: shaders::$texels,
+            by_buffer: shaders::$buffer,
+        }
     };
 }
 
-static BEAM: Variants = variants!(BEAM, BEAM_TEXELS, BEAM_SSBO);
-static TRACE: Variants = variants!(TRACE, TRACE_TEXELS, TRACE_SSBO);
-static EXACT: Variants = variants!(EXACT, EXACT_TEXELS, EXACT_SSBO);
-static PLAIN: Variants = variants!(PLAIN, PLAIN_TEXELS, PLAIN_SSBO);
-static SHADE: Variants = variants!(SHADE, SHADE_TEXELS, SHADE_SSBO);
+static BEAM: Variants = variants!(UNIFORM, BEAM, BEAM_TEXELS, BEAM_SSBO);
+static TRACE: Variants = variants!(STORED, TRACE, TRACE_TEXELS, TRACE_SSBO);
+static EXACT: Variants = variants!(UNIFORM, EXACT, EXACT_TEXELS, EXACT_SSBO);
+static PLAIN: Variants = variants!(UNIFORM, PLAIN, PLAIN_TEXELS, PLAIN_SSBO);
+static SHADE: Variants = variants!(STORED, SHADE, SHADE_TEXELS, SHADE_SSBO);
 
 impl Variants {
     fn recipe(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> Recipe {
         let (words, bindings) = match access {
-            Access::Address => (self.by_address, &[BindingKind::Uniform][..]),
-            Access::Texels => (self.by_texels, &TEXELS[..]),
-            Access::StorageBuffer => (self.by_buffer, &BUFFERS[..]),
+            Access::Address => (self.by_address, &self.bindings.by_address[..]),
+            Access::Texels => (self.by_texels, &self.bindings.by_texels[..]),
+            Access::StorageBuffer => (self.by_buffer, &self.bindings.by_buffer[..]),
         };
         Recipe { name, words, constants, push_bytes: size_of::<Push>() as u32, bindings }
     }
