@@ -91,9 +91,9 @@ struct Frame {
 }
 
 impl Frame {
-    /// Nothing was missing, came or had to be coarser.
+    /// Nothing was missing or had to be coarser.
     fn is_whole(&self) -> bool {
-        self.ready == self.wanted && self.upload_bytes == 0 && self.coarser <= 1.0
+        self.ready == self.wanted && self.coarser <= 1.0
     }
 }
 
