@@ -116,6 +116,8 @@ impl Viewer {
             self.colors = None;
             self.screen.forget();
             (self.asked, self.answers_due, self.drawn) = (None, false, None);
+            // The sooner it is framed, the sooner what is seen is read.
+            self.is_late = true;
             self.log(format_args!("scene"));
         }
         Ok(())
@@ -171,6 +173,8 @@ impl Viewer {
         let primitives = self.context.tessellate(output.shapes, pixels_per_point);
         if !self.is_framed && self.data.about().is_some() && !self.place.size.contains(&0) {
             self.first_view(options)?;
+            // What was looked for so far was for a camera that nobody sees by.
+            self.take_data()?;
         }
         // A picture that is being saved stays as it was begun.
         if self.saving.is_none() {
