@@ -448,10 +448,9 @@ impl Live {
             if bytes > most_bytes || self.stuck {
                 break;
             }
-            let packed = match self.arrived.get(&key) {
-                Some(packed) => packed,
-                None => &self.kept[&key].packed,
-            };
+            // One that was kept may have made room for one that has arrived since.
+            let kept = || self.kept.get(&key).map(|kept| &kept.packed);
+            let Some(packed) = self.arrived.get(&key).or_else(kept) else { continue };
             match scene.try_upload(key, packed)? {
                 Upload::Started => {
                     bytes += packed_bytes(packed);
