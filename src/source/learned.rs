@@ -129,9 +129,18 @@ impl Cache {
 
 const EXTENSION: &str = "bounds";
 const UNFINISHED: &str = "part";
+/// What the names of those begin with.
+const PREFIX: &str = "lasray-";
 
+/// Whether a file in the folder is of this making: others may lie there, too.
 fn is_ours(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension == EXTENSION || extension == UNFINISHED)
+    let is_hash = |stem: &str| stem.len() == 32 && stem.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let stem = path.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+    match path.extension() {
+        Some(extension) if extension == EXTENSION => is_hash(stem),
+        Some(extension) if extension == UNFINISHED => stem.starts_with(PREFIX),
+        _ => false,
+    }
 }
 
 /// The place of a file's entry, and what it must begin with.
@@ -192,7 +201,8 @@ impl Entry {
         }
         raw.extend(xxh3_64(&raw).to_le_bytes());
         let folder = self.path.parent().unwrap_or(Path::new("."));
-        let mut file = tempfile::Builder::new().suffix(&format!(".{UNFINISHED}")).tempfile_in(folder)?;
+        let mut file =
+            tempfile::Builder::new().prefix(PREFIX).suffix(&format!(".{UNFINISHED}")).tempfile_in(folder)?;
         // A power cut may leave less than that: the checksum tells.
         file.write_all(&raw)?;
         file.persist(&self.path).map_err(|error| error.error)?;

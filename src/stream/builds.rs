@@ -361,6 +361,7 @@ impl Builds {
     /// A finished section has reached whoever wanted it.
     pub fn taken(&mut self, key: SectionKey) {
         self.out.remove(&key);
+        self.admit();
     }
 
     /// The chunk that the most urgent section lacks.

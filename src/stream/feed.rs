@@ -111,7 +111,13 @@ impl Inner {
         for letter in self.letters.try_iter() {
             match letter {
                 Letter::Want(keys) => order = Some(keys),
-                Letter::Taken(key) => state.builds.taken(key),
+                Letter::Taken(key) => {
+                    // In the order of the letters: what was asked for before it was taken is not asked for again.
+                    if let Some(order) = order.take() {
+                        state.builds.want(order);
+                    }
+                    state.builds.taken(key);
+                }
             }
         }
         if let Some(order) = order {
@@ -120,15 +126,18 @@ impl Inner {
         }
     }
 
-    /// Tells frames what has come up.
-    fn report(&self, builds: &mut Builds) {
+    /// Tells frames what has come up; gives whether anything has.
+    fn report(&self, builds: &mut Builds) -> bool {
+        let mut told = false;
         let errors = builds.take_errors().into_iter().map(News::Error);
         let warnings = builds.take_warnings().into_iter().map(News::Warning);
         let corrected = builds.take_corrected().into_iter().map(News::Corrected);
         for news in errors.chain(warnings).chain(corrected) {
             // Nobody may be left to hear it.
             let _ = self.news.send(news);
+            told = true;
         }
+        told
     }
 }
 
@@ -351,6 +360,7 @@ fn next(inner: &Inner) -> Option<Task> {
             let input = Arc::clone(&builds.sources()[source].input);
             let sections = Arc::clone(&sample.sections);
             let (level, most, read) = (sample.level, sample.most, sparse.get(&source).cloned());
+            let read = read.filter(|read| read.most() >= most);
             return Some(Task::Sample { source, input, level, most, read, sections });
         }
         if let Some(finished) = builds.take_finished() {
@@ -377,9 +387,12 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 let outcome = read(&inner.grid, &core, &mut decoder, &mut binner, &job);
                 let mut state = inner.lock();
                 state.builds.done(job, outcome);
-                inner.report(&mut state.builds);
+                let told = inner.report(&mut state.builds);
                 drop(state);
                 inner.work.notify_all();
+                if told {
+                    wake();
+                }
                 look_after(inner);
             }
             Task::Sample { source, input, level, most, read, sections } => {
@@ -393,8 +406,10 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 let mut state = inner.lock();
                 let State { builds, sample, sparse, .. } = &mut *state;
                 builds.saw(source, of_file.bounds());
-                inner.report(builds);
-                sparse.insert(source, of_file);
+                let told = inner.report(builds);
+                if of_file.is_whole() {
+                    sparse.insert(source, of_file);
+                }
                 let of_last = |sample: &Sample| Arc::ptr_eq(&sample.sections, &sections);
                 if let Some(sample) = sample.as_mut().filter(|sample| of_last(sample)) {
                     if sample.busy > 1 || !sample.left.is_empty() {
@@ -410,6 +425,9 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                     }
                 }
                 drop(state);
+                if told {
+                    wake();
+                }
                 look_after(inner);
             }
         }

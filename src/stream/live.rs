@@ -214,8 +214,13 @@ impl Live {
 
     /// Shows or hides a file: the sections that it touches are made anew, from the files that touch those.
     pub fn show_file(&mut self, source: usize, shown: bool) {
-        self.feed.with(|builds| builds.show(source, shown));
-        self.files_changed(&[source]);
+        self.show_files(&[source], shown);
+    }
+
+    /// The same with several at once.
+    pub fn show_files(&mut self, sources: &[usize], shown: bool) {
+        self.feed.with(|builds| sources.iter().for_each(|&source| builds.show(source, shown)));
+        self.files_changed(sources);
     }
 
     /// Adds files; gives their numbers. `core`: of all.
@@ -343,6 +348,8 @@ impl Live {
             since > change && (sparse || self.feed.with(|builds| builds.touches(source, key)))
         });
         if outdated || sparse && key.level != self.sparse_level {
+            // Who asked for it is to ask again.
+            self.asked.clear();
             return false;
         }
         if sparse {
@@ -368,15 +375,19 @@ impl Live {
         true
     }
 
+    /// Pixels that a cell may cover now.
+    fn detail(&self, sight: &Sight) -> f64 {
+        match sight.detail {
+            // A quarter of a pixel is where giving up begins.
+            0.0 if self.coarser > 1.0 => 0.25 * self.coarser,
+            detail => detail * self.coarser,
+        }
+    }
+
     /// Another view.
     fn look(&mut self, sight: &Sight) {
         loop {
-            let detail = match sight.detail {
-                // A quarter of a pixel is where giving up begins.
-                0.0 if self.coarser > 1.0 => 0.25 * self.coarser,
-                detail => detail * self.coarser,
-            };
-            self.cut = self.domain.cut(&Sight { detail, ..sight.clone() });
+            self.cut = self.domain.cut(&Sight { detail: self.detail(sight), ..sight.clone() });
             if self.cut.nodes() < MOST_NODES {
                 break;
             }
@@ -406,9 +417,7 @@ impl Live {
         let by = if moved { self.motion.frame(sight.eye, now) } else { None };
         match by {
             Some(by) => {
-                // As fine as what is seen now comes to be.
-                let detail = sight.detail * self.coarser;
-                let cut = self.domain.cut(&Sight { detail, ..sight.moved(by) });
+                let cut = self.domain.cut(&Sight { detail: self.detail(sight), ..sight.moved(by) });
                 let wanted: HashSet<_> = self.wanted.iter().collect();
                 let mut ahead: Vec<_> = cut.wanted().filter(|(key, _)| !wanted.contains(key)).collect();
                 ahead.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
@@ -443,6 +452,10 @@ impl Live {
         order.extend(self.ahead.iter().filter(ready));
         for (place, key) in order.into_iter().enumerate() {
             if scene.is_coming(key) || scene.is_live(key) && !self.stale.contains(&key) {
+                // One that was made twice is not to lie about.
+                if !scene.is_coming(key) && self.arrived.contains_key(&key) {
+                    self.keep(key);
+                }
                 continue;
             }
             if bytes > most_bytes || self.stuck {

@@ -37,12 +37,14 @@ pub fn points<'a>(files: impl Iterator<Item = &'a LidarFile> + Clone) -> u64 {
 pub struct Sparse {
     blocks: Vec<PointBlock>,
     bounds: Vec<(usize, RawBounds)>,
+    most: usize,
+    is_whole: bool,
 }
 
 impl Sparse {
     /// Reads up to about `most` points. What cannot be read is named when it is read for good.
     pub fn read(decoder: &mut Decoder, file: &LidarFile, most: usize) -> Sparse {
-        let mut sparse = Sparse::default();
+        let mut sparse = Sparse { most, is_whole: true, ..Sparse::default() };
         if file.chunks.is_empty() {
             return sparse;
         }
@@ -54,10 +56,11 @@ impl Sparse {
         let mut take = |block: &PointBlock| {
             sparse.take(block, &mut chunk_of_point);
         };
-        let _ = match of_chunk {
+        let read = match of_chunk {
             1 => decoder.first_points(file, most).map(&mut take),
             of_chunk => decoder.sparse_records(file, of_chunk, &mut take),
         };
+        sparse.is_whole = read.is_ok();
         file.bytes.release();
         sparse
     }
@@ -73,6 +76,16 @@ impl Sparse {
             }
         }
         self.blocks.push(block.clone());
+    }
+
+    /// Points that it was to have, about.
+    pub fn most(&self) -> usize {
+        self.most
+    }
+
+    /// Nothing stood in the way of reading it.
+    pub fn is_whole(&self) -> bool {
+        self.is_whole
     }
 
     /// Its points.

@@ -1,6 +1,6 @@
 //! Where the window's data comes from: everything that it knows of files and sections goes through here.
 
-use super::watch::{News, Stamp, Watch};
+use super::watch::{self, News, Stamp, Watch};
 use crate::coords::{Grid, Height};
 use crate::gpu::{Gpu, Order};
 use crate::load::{self, LoadError, LoadOptions, Opening};
@@ -18,11 +18,14 @@ use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use crate::stream::table::Table;
 use crossbeam_channel::Receiver;
+use std::collections::VecDeque;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+/// Files that have changed and are opened again at a time.
+const MOST_AGAIN: usize = 2;
 /// How often progress is looked at, at least.
 const COUNT_EVERY: Duration = Duration::from_millis(100);
 
@@ -148,6 +151,8 @@ pub struct Data {
     about: Option<About>,
     live: Option<Live>,
     watch: Option<Watch>,
+    /// Files that have changed and are to be opened again.
+    again: VecDeque<usize>,
     scene: Option<Scene>,
     grid: Grid,
     anchor: Height,
@@ -180,6 +185,7 @@ impl Data {
             about: None,
             live: None,
             watch: None,
+            again: VecDeque::new(),
             scene: Some(scene),
             grid: Grid { base_cell: 1.0, coarsen: 0, anchor: [0; 2] },
             anchor: Height(0),
@@ -212,7 +218,8 @@ impl Data {
     ) -> anyhow::Result<Tick> {
         let mut tick = Tick::default();
         let news: Vec<_> = self.watch.iter().flat_map(Watch::news).collect();
-        news.into_iter().for_each(|news| self.look_again(news));
+        self.look_again(news);
+        self.open_again();
         let mut opened = Vec::new();
         // In the order in which they were asked for.
         while let Some(coming) = self.coming.first() {
@@ -227,6 +234,8 @@ impl Data {
             tick.changed = true;
             self.say(lines);
             match (purpose, opening) {
+                // The list that it has its place in may be another one since.
+                (Purpose::Again(_), _) if tick.is_new_scene => {}
                 (Purpose::Again(file), opening) => self.renew(file, opening),
                 (Purpose::More, Ok(opening)) if self.fits(&opening) => self.join(opening),
                 (_, Ok(opening)) => {
@@ -291,6 +300,9 @@ impl Data {
     fn join(&mut self, opening: Opening) {
         let core = self.widen(&opening.about);
         let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
+        for (known, more) in about.whole.classes.iter_mut().zip(opening.about.classes.iter()) {
+            *known += more;
+        }
         let first = about.files.len();
         about.files.extend(opening.inputs.iter().map(file_about));
         let sources = live.add(opening.inputs, core);
@@ -305,37 +317,59 @@ impl Data {
         let known = &mut self.about.as_mut().expect("others are there").whole;
         let (a, b) = (known.bounds, more.bounds);
         known.bounds = Bounds { min: a.min.min(b.min), max: a.max.max(b.max) };
-        for (known, more) in known.classes.iter_mut().zip(more.classes.iter()) {
-            *known += more;
-        }
         load::core(self.grid.base_cell, &known.bounds)
     }
 
-    /// A file has changed, is gone, or is there again.
-    fn look_again(&mut self, News { file, is_there }: News) {
+    /// Files have changed, are gone, or are there again.
+    fn look_again(&mut self, news: Vec<News>) {
         let (Some(about), Some(live)) = (&mut self.about, &mut self.live) else { return };
-        let known = &mut about.files[file];
-        if is_there {
-            let path = vec![known.path.clone().into_os_string()];
-            self.open_aside(path, Vec::new(), Purpose::Again(file));
-        } else {
-            known.is_gone = true;
-            live.show_file(known.source, false);
-            let line = format!("{}: is gone, and not shown any more", known.path.display());
-            self.say(vec![line]);
+        let (mut lines, mut gone) = (Vec::new(), Vec::new());
+        for News { file, is_there } in news {
+            self.is_complete = false;
+            let known = &mut about.files[file];
+            self.again.retain(|again| *again != file);
+            if is_there {
+                self.again.push_back(file);
+            } else {
+                known.is_gone = true;
+                gone.push(known.source);
+                lines.push(format!("{}: is gone, and not shown any more", known.path.display()));
+            }
         }
-        self.is_complete = false;
+        if !gone.is_empty() {
+            live.show_files(&gone, false);
+        }
+        self.say(lines);
+    }
+
+    /// Opens files that have changed, a few at a time: a drive with thousands of them may have come back.
+    fn open_again(&mut self) {
+        let is_again = |coming: &&Coming| matches!(coming.purpose, Purpose::Again(_));
+        while self.coming.iter().filter(is_again).count() < MOST_AGAIN
+            && let Some(file) = self.again.pop_front()
+            && let Some(about) = &self.about
+        {
+            let path = vec![about.files[file].path.clone().into_os_string()];
+            self.open_aside(path, Vec::new(), Purpose::Again(file));
+        }
     }
 
     /// A file that has changed is opened: in the place of what it was.
     fn renew(&mut self, file: usize, opening: Result<Opening, LoadError>) {
         let fits = opening.as_ref().is_ok_and(|opening| self.fits(opening));
         let path = self.about.as_ref().map(|about| about.files[file].path.clone()).unwrap_or_default();
+        // It may be gone again since, which was told then.
+        let is_there = watch::stamp(&path).is_some();
         let path = path.display();
         match opening {
+            _ if !is_there => {}
             Ok(mut opening) if fits => {
                 let core = self.widen(&opening.about);
                 let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
+                // What the old one had of each is not known.
+                for (known, now) in about.whole.classes.iter_mut().zip(opening.about.classes.iter()) {
+                    *known = (*known).max(*now);
+                }
                 let Some(input) = opening.inputs.pop() else { return };
                 let known = &mut about.files[file];
                 *known = FileAbout { shown: known.shown, ..file_about(&input) };
@@ -376,6 +410,7 @@ impl Data {
         self.watch = Some(Watch::new(move || wake()));
         self.watch_from(0);
         self.coming.retain(|coming| !matches!(coming.purpose, Purpose::Again(_)));
+        self.again.clear();
         let wake = Arc::clone(&self.wake);
         // Two threads are left to the frames, where there are more.
         let threads = load::threads();

@@ -7,8 +7,9 @@ use std::time::{Duration, Instant, SystemTime};
 
 /// Between two looks at all files, at least.
 const PERIOD: Duration = Duration::from_secs(1);
-/// And as many times as long as a look took.
+/// And as many times as long as a look took, up to the second.
 const REST: u32 = 20;
+const MOST_REST: Duration = Duration::from_secs(30);
 
 /// Length and time of the last change; `None`: it is not there.
 pub type Stamp = Option<(u64, Option<SystemTime>)>;
@@ -35,6 +36,8 @@ struct Watched {
     known: Stamp,
     /// As it was seen last.
     seen: Stamp,
+    /// It was not there once since: what was read meanwhile may lack it.
+    was_away: bool,
 }
 
 /// A thread that looks. Dropped, it ends.
@@ -55,7 +58,7 @@ impl Watch {
     /// Watches a file that looked like `known` when it was opened, under a number of the caller's.
     pub fn add(&self, file: usize, path: PathBuf, known: Stamp) {
         // The thread lives as long as this does.
-        let _ = self.add.send(Watched { file, path, known, seen: known });
+        let _ = self.add.send(Watched { file, path, known, seen: known, was_away: false });
     }
 
     /// What has happened.
@@ -80,15 +83,18 @@ fn look(added: &Receiver<Watched>, tell: &Sender<News>, wake: &dyn Fn()) {
         for file in &mut watched {
             let now = stamp(&file.path);
             // What is still being written is let alone until it looks the same twice.
-            if now == std::mem::replace(&mut file.seen, now) && now != file.known {
+            file.was_away |= now.is_none();
+            let is_news = now != file.known || file.was_away && now.is_some();
+            if now == std::mem::replace(&mut file.seen, now) && is_news {
                 file.known = now;
+                file.was_away = false;
                 if tell.send(News { file: file.file, is_there: now.is_some() }).is_err() {
                     return;
                 }
                 wake();
             }
         }
-        rest = PERIOD.max(start.elapsed() * REST);
+        rest = (start.elapsed() * REST).clamp(PERIOD, MOST_REST);
     }
 }
 
