@@ -116,8 +116,9 @@ fn thesis(case: &Case, side: usize, levels: u32, stop: &AtomicBool) -> anyhow::R
                 })
             })
             .collect();
-        start.wait();
+        // Before the others go: this thread may be the last to run again.
         let begin = Instant::now();
+        start.wait();
         let ends = workers.into_iter().map(|worker| {
             let (in_middle, set, end) =
                 worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;

@@ -361,7 +361,8 @@ impl Builds {
     /// A finished section has reached whoever wanted it.
     pub fn taken(&mut self, key: SectionKey) {
         self.out.remove(&key);
-        self.admit();
+        // Whoever asked before it arrived has it now; else it is asked for again.
+        self.order.retain(|wanted| *wanted != key);
     }
 
     /// The chunk that the most urgent section lacks.
