@@ -269,7 +269,7 @@ impl Feed {
         let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
         let most = sparse::points_of_file(left.len());
         let change = state.builds.change();
-        self.inner.sampled.store(left.is_empty(), Ordering::Relaxed);
+        self.inner.sampled.store(left.is_empty(), Ordering::Release);
         state.sample = (!left.is_empty()).then(|| Sample {
             level,
             most,
@@ -295,7 +295,8 @@ impl Feed {
 
     /// Whether no sparse sample is being taken: all of the last one has arrived, or waits to be taken.
     pub fn is_sampled(&self) -> bool {
-        self.inner.sampled.load(Ordering::Relaxed)
+        // All that was sent before it was said is there.
+        self.inner.sampled.load(Ordering::Acquire)
     }
 
     /// Waits for what arrives next.
@@ -444,7 +445,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
             let mut state = inner.lock();
             if state.sample.as_ref().is_some_and(|sample| Arc::ptr_eq(&sample.sections, &sections)) {
                 state.sample = None;
-                inner.sampled.store(true, Ordering::Relaxed);
+                inner.sampled.store(true, Ordering::Release);
             }
             drop(state);
             wake();
