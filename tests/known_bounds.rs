@@ -177,8 +177,8 @@ fn the_folder_stays_small_and_need_not_be_there() {
         let time = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000 + k as u64);
         fs::File::options().write(true).open(newest.unwrap()).unwrap().set_modified(time).unwrap();
     }
-    fs::write(kept.join("somebody else's.txt"), [0; 5000]).unwrap();
     let len = fs::metadata(&entries(&kept)[0]).unwrap().len();
+    fs::write(kept.join("somebody else's.txt"), [0; 5000]).unwrap();
     cache.tidy().unwrap();
     assert_eq!(entries(&kept).len(), 4);
     cache.clone().with_room(2 * len + 100).tidy().unwrap();
