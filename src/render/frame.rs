@@ -466,6 +466,8 @@ pub struct Renderer {
     access: Access,
     in_flight: Vec<Option<InFlight>>,
     target: Option<Target>,
+    /// First row, rows and sample of the band whose beams the target holds.
+    beamed: Option<(u32, u32, u32)>,
     /// Lattice height of local height 0.
     anchor: Height,
     grid: Grid,
@@ -562,6 +564,7 @@ impl Renderer {
             access,
             in_flight: Vec::new(),
             target: None,
+            beamed: None,
             anchor,
             grid,
         })
@@ -790,7 +793,11 @@ impl Renderer {
         let tiles = |side: u32| [view.size[0].div_ceil(side).div_ceil(GROUP[0]), band.rows.div_ceil(side), 1];
         let pixels = [view.size[0].div_ceil(GROUP[0]), band.rows.div_ceil(GROUP[1]), 1];
         let mut passes = vec![];
-        if view.traversal == Traversal::Fast {
+        // A beam holds for every sample of its pixels.
+        let is_next_sample =
+            band.sample > 0 && self.beamed == Some((band.first_row, band.rows, band.sample - 1));
+        self.beamed = Some((band.first_row, band.rows, band.sample));
+        if view.traversal == Traversal::Fast && !is_next_sample {
             passes.push(("wide beams", self.wide_beams.clone(), tiles(WIDE_TILE)));
             passes.push(("beams", self.beams.clone(), tiles(TILE)));
         }
