@@ -10,7 +10,7 @@ use crate::section::Columns;
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::Cache;
-use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
+use crate::source::placement::{KnownWorld, Placement, PlacementNote, PlacementOptions};
 use crate::source::{LidarFile, crs::Crs, crs::Unit, inputs};
 use crate::stream::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::stream::builds::OpenInput;
@@ -274,6 +274,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         crs: sample.world.crs,
         unit: sample.world.unit,
         placement,
+        base: sample.world.base,
         cell,
     };
     Ok(Opening { inputs, grid: grid(cell, &bounds)?, core: core(cell, &bounds), about })
@@ -389,6 +390,7 @@ pub fn tiles_of(
         crs: None,
         unit,
         placement: Placement::AsIs,
+        base: Placement::AsIs,
         cell,
     };
     finish(bins, about, points, options, problems)
@@ -413,11 +415,18 @@ pub struct About {
     pub unit: Option<Unit>,
     /// File coordinates to world coordinates, of the first file.
     pub placement: Placement,
+    /// The same of all, but for the unit of heights.
+    pub base: Placement,
     /// Side of a finest cell, CRS units.
     pub cell: f64,
 }
 
 impl About {
+    /// What other files have to share to be shown beside these.
+    pub fn world(&self) -> KnownWorld {
+        KnownWorld { crs: self.crs.clone(), unit: self.unit.clone(), base: self.base }
+    }
+
     /// Where lit pictures of cells of `cell` end: a slab under the data, which low stray points do not make deeper.
     pub fn floor(&self, cell: f64) -> f64 {
         let (bounds, height) = (self.bounds, self.summary.height);

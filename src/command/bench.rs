@@ -318,7 +318,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 fn load_options(args: &Args) -> LoadOptions {
     LoadOptions {
         cell: Some(args.cell),
-        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() },
+        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None },
         rgb_bits: None,
         // Nothing is coarsened: cells are what is compared.
         budget: Budget { host_bytes: u64::MAX, device_bytes: u64::MAX },

@@ -231,7 +231,7 @@ fn gather(args: &Args) -> Report {
             Err(error) => failed.push(error.to_string()),
         }
     }
-    let options = PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() };
+    let options = PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None };
     let sample = sample::take(&files, &options, &Budget::default());
     let scans = if args.scan { scan::every_file(&files, args.quiet) } else { Vec::new() };
     let mut scans = scans.into_iter();

@@ -335,7 +335,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         })?;
     let options = LoadOptions {
         cell: args.cell.0,
-        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone() },
+        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None },
         rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
         budget: Budget {
             host_bytes: args.host_memory,
@@ -619,7 +619,7 @@ fn draw(
         Content::Whole(sections, points) => {
             let count = sections.len();
             let mut present = upload(&mut scene, sections)?;
-            if scene.entries().is_empty() {
+            if scene.shows_nothing() {
                 present.sort_unstable();
                 present.dedup();
                 anyhow::bail!(none_shown(&present));
@@ -629,7 +629,10 @@ fn draw(
         Content::Live(inputs, core) => {
             let points = inputs.iter().map(|input| input.input.file.points()).sum();
             let host_bytes = args.host_memory;
-            let live = Live::new(inputs, grid, core, host_bytes, load::threads(), || ());
+            let mut live = Live::new(inputs, grid, core, host_bytes, load::threads(), || ());
+            if film.is_none() {
+                live.keep_no_copies();
+            }
             if let Some(cache) = cache(args) {
                 live.keep_learned(cache);
             }
@@ -701,7 +704,7 @@ fn draw(
         };
         let present = (0u8..=255).filter(|&class| about.classes[usize::from(class)] > 0);
         let some_shown = |class: &u8| scene.visibility().shows(*class, false);
-        if live.is_some() && scene.entries().is_empty() && !present.clone().any(|class| some_shown(&class)) {
+        if live.is_some() && scene.shows_nothing() && !present.clone().any(|class| some_shown(&class)) {
             anyhow::bail!(none_shown(&present.collect::<Vec<_>>()));
         }
         let image = renderer.draw_table(&mut scene, &view, &table).map_err(usage)?;

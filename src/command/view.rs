@@ -126,7 +126,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     let classes = args.hide.map_or(shown, |list| shown.without(&list.0));
     let data = view::data::Options {
         cell: args.cell.0,
-        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit },
+        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit, known: None },
         rgb_bits: args.rgb_bits.map(|bits| if bits == "8" { 8 } else { 16 }),
         host_bytes: args.host_memory,
         device_bytes: args.device_memory,

@@ -5,9 +5,10 @@ use super::crs::{Crs, CrsKind, Unit};
 use glam::{DMat3, DVec3};
 
 /// From file coordinates (X · scale + offset) to world E, N, U.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Placement {
     /// World coordinates are the file's, bit for bit.
+    #[default]
     AsIs,
     /// Each axis times its factor: degrees to metres, heights to the horizontal unit.
     Scaled(DVec3),
@@ -70,15 +71,30 @@ pub struct PlacementOptions {
     pub mix_crs: bool,
     /// Unit of Z, whatever the files say.
     pub z_unit: Option<Unit>,
+    /// The world of files that are open already, to which these come.
+    pub known: Option<KnownWorld>,
+}
+
+/// A world that was decided on.
+#[derive(Clone, Debug)]
+pub struct KnownWorld {
+    /// Its coordinate system.
+    pub crs: Option<Crs>,
+    /// Unit of E, N, U.
+    pub unit: Option<Unit>,
+    /// How files get there, but for the unit of their heights.
+    pub base: Placement,
 }
 
 /// The one coordinate system that is drawn, and how each file gets there.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct World {
     /// The majority's; `None` where no file names one, or where raw coordinates are mixed.
     pub crs: Option<Crs>,
     /// Unit of E, N, U; `None` where nothing says it.
     pub unit: Option<Unit>,
+    /// How files get there, but for the unit of their heights.
+    pub base: Placement,
     /// One a file; `None`: left out.
     pub placements: Vec<Option<Placement>>,
     /// What the user should know.
@@ -174,15 +190,21 @@ impl World {
                 Some(Placement::scaled(DVec3::new(1.0, 1.0, up)))
             };
             let placements = files.iter().map(placement).collect();
-            return World { crs: None, unit: None, placements, notes: Vec::new() };
+            return World { placements, ..World::default() };
         }
-        let mut world = World { crs: None, unit: None, placements: Vec::new(), notes: Vec::new() };
-        let majority = majority(files);
+        let mut world = World::default();
+        let majority = match &options.known {
+            Some(known) => known.crs.as_ref(),
+            None => majority(files),
+        };
+        let is_plane = |crs: &Crs| matches!(crs.kind, CrsKind::Projected | CrsKind::Unknown);
         let is_member = |file: &FileFacts| match (majority, file.crs) {
             (Some(majority), Some(crs)) => majority.same_horizontal(crs),
             // Metres or feet on a plane may be taken for the neighbours'; angles may not.
-            (Some(majority), None) => matches!(majority.kind, CrsKind::Projected | CrsKind::Unknown),
-            (None, crs) => crs.is_none(),
+            (Some(majority), None) => is_plane(majority),
+            // The same the other way round: files that name none are open already.
+            (None, Some(crs)) => options.known.is_some() && is_plane(crs),
+            (None, None) => true,
         };
         let name = |crs: Option<&Crs>| crs.map_or("none that is named".to_owned(), |crs| crs.name.clone());
         for (index, file) in files.iter().enumerate() {
@@ -197,21 +219,14 @@ impl World {
             files => world.notes.push(PlacementNote::Assumed { files, world: name(majority) }),
         }
         world.crs = majority.cloned();
-        let kind = majority.map_or(CrsKind::Unknown, |crs| crs.kind);
-        let base = match kind {
-            CrsKind::Geographic | CrsKind::Geocentric => {
+        (world.base, world.unit) = match &options.known {
+            Some(known) => (known.base, known.unit.clone()),
+            None => {
                 let members = files.iter().filter(|file| is_member(file));
-                let crs = majority.expect("a kind has a system");
-                base_of_angles(crs, median(members.map(|file| file.centre)), &mut world.notes)
+                base_and_unit(majority, median(members.map(|file| file.centre)), &mut world.notes)
             }
-            _ => Placement::AsIs,
         };
-        // Degrees become metres; where they turn out to be none, the unit is anybody's guess.
-        world.unit = match (kind, base) {
-            (CrsKind::Geographic, Placement::AsIs) => None,
-            (CrsKind::Geographic, _) => Some(Unit::metre()),
-            _ => majority.map(|crs| crs.horizontal_unit.clone()),
-        };
+        let base = world.base;
         let horizontal = world.unit.clone().unwrap_or_else(Unit::metre);
         let mut heights: Vec<(Unit, usize)> = Vec::new();
         for file in files {
@@ -240,6 +255,26 @@ impl World {
         }
         world
     }
+}
+
+/// How files of a system are drawn, and the unit that they then have.
+fn base_and_unit(
+    crs: Option<&Crs>,
+    centre: DVec3,
+    notes: &mut Vec<PlacementNote>,
+) -> (Placement, Option<Unit>) {
+    let Some(crs) = crs else { return (Placement::AsIs, None) };
+    let base = match crs.kind {
+        CrsKind::Geographic | CrsKind::Geocentric => base_of_angles(crs, centre, notes),
+        _ => Placement::AsIs,
+    };
+    // Degrees become metres; where they turn out to be none, the unit is anybody's guess.
+    let unit = match (crs.kind, base) {
+        (CrsKind::Geographic, Placement::AsIs) => None,
+        (CrsKind::Geographic, _) => Some(Unit::metre()),
+        _ => Some(crs.horizontal_unit.clone()),
+    };
+    (base, unit)
 }
 
 fn up_factor(z: &Unit, horizontal: &Unit) -> f64 {
@@ -438,6 +473,38 @@ mod tests {
         let mut feet = definition(2992).unwrap();
         feet.vertical_unit = Some("us-ft".parse().unwrap());
         assert!(only(&feet, [6e5, 8e5, 400.0]).0.is_identity());
+    }
+
+    #[test]
+    fn more_files_come_to_a_known_world() {
+        let [utm, lambert, wgs84] = [32632, 2154, 4326].map(|code| definition(code).unwrap());
+        let come_to = |files: &[FileFacts], known: World| {
+            let known = KnownWorld { crs: known.crs, unit: known.unit, base: known.base };
+            World::of(files, &PlacementOptions { known: Some(known), ..Default::default() })
+        };
+        let of = |crs, at| World::of(&[facts(crs, at)], &PlacementOptions::default());
+        let here = [5e5, 5e6, 0.0];
+        // Whatever most of them have.
+        let files = [
+            facts(Some(&lambert), here),
+            facts(Some(&lambert), here),
+            facts(None, here),
+            facts(Some(&utm), here),
+        ];
+        let world = come_to(&files, of(Some(&utm), here));
+        let drawn: Vec<bool> = world.placements.iter().map(Option::is_some).collect();
+        assert_eq!(drawn, [false, false, true, true]);
+        assert_eq!(world.crs.unwrap().epsg, Some(32632));
+        // Beside files that name none, what lies on a plane is taken for theirs.
+        let files = [facts(Some(&utm), here), facts(Some(&wgs84), [9.0, 48.0, 0.0]), facts(None, here)];
+        let world = come_to(&files, of(None, here));
+        let drawn: Vec<bool> = world.placements.iter().map(Option::is_some).collect();
+        assert_eq!((drawn, world.crs.is_none()), (vec![true, false, true], true));
+        // Degrees are as long as those that are there.
+        let first = of(Some(&wgs84), [9.0, 48.0, 0.0]);
+        let placement = first.placements[0];
+        let world = come_to(&[facts(Some(&wgs84), [9.0, 58.0, 0.0])], first);
+        assert_eq!((world.placements[0], world.unit), (placement, Some(Unit::metre())));
     }
 
     #[test]

@@ -258,10 +258,11 @@ impl Binner {
             let (next, outside) = self.place(&grid, &bins.core, meaning, block, first, stray);
             self.group();
             let grown = self.put(meaning, block, first, &|key| Some(bins.section(key)));
-            drop(grid);
             bins.outside.fetch_add(outside, Ordering::Relaxed);
             bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
             bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);
+            // Coarser cells are counted anew; only then, or what is new would be counted twice.
+            drop(grid);
             first = next;
             bins.fit();
         }

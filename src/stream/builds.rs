@@ -14,7 +14,8 @@ use crate::source::SourceError;
 use crate::source::known::{Known, RawBounds, Told};
 use crate::source::placement::Placement;
 use glam::DVec3;
-use std::collections::{BTreeSet, HashMap, HashSet, VecDeque};
+use roaring::RoaringBitmap;
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
 
 /// Bytes that a section of one class takes while it is made.
@@ -67,12 +68,22 @@ struct Chunk {
     busy: bool,
     /// It was read, whole or not: what it lacks stays away.
     broken: bool,
+    /// Sections that lack it.
+    lacked_by: u32,
+}
+
+impl Chunk {
+    /// One section less lacks it; `lacking`: chunks that any lacks.
+    fn let_go(&mut self, lacking: &mut u64) {
+        self.lacked_by -= 1;
+        *lacking -= u64::from(self.lacked_by == 0);
+    }
 }
 
 /// A section that is being made.
 struct Build {
     columns: Shared,
-    lacks: BTreeSet<u32>,
+    lacks: RoaringBitmap,
     bytes: u64,
     damaged: bool,
 }
@@ -179,6 +190,11 @@ fn cells_of_raw(grid: &Grid, input: &Input, bounds: &RawBounds) -> Option<Cells>
     cells_of(grid, low, high)
 }
 
+/// Chunks of which it is known where they lie.
+fn known(chunks: &[Chunk]) -> u64 {
+    chunks.iter().filter(|chunk| chunk.cells.is_some()).count() as u64
+}
+
 /// Whether some cells of `inner` are none of `outer`.
 fn reaches_out(inner: Cells, outer: Cells) -> bool {
     (0..2).any(|axis| inner[0][axis] < outer[0][axis] || inner[1][axis] > outer[1][axis])
@@ -206,16 +222,54 @@ impl Builds {
     }
 
     /// Adds a file; gives its number.
-    pub fn add(&mut self, OpenInput { input, bounds, reach, in_nodes, known }: OpenInput) -> usize {
+    pub fn add(&mut self, input: OpenInput) -> usize {
+        let source = self.sources.len();
+        let first = self.chunks.len() as u32;
+        let (file, chunks) = self.source(source, first, input);
+        self.progress.points += file.input.file.points();
+        self.progress.chunks += chunks.len() as u64;
+        self.progress.chunks_known += known(&chunks);
+        self.chunks.extend(chunks);
+        self.sources.push(file);
+        self.changed(source);
+        source
+    }
+
+    /// Another file in the place of one, and under its number; shown if that was.
+    pub fn replace(&mut self, source: usize, input: OpenInput) {
+        // What it touched, and what it touches now.
+        self.changed(source);
+        let of_old = self.chunks_of(source);
+        let fits = input.input.file.chunks.len() <= of_old.len();
+        let first = if fits { of_old.start } else { self.chunks.len() as u32 };
+        let (file, chunks) = self.source(source, first, input);
+        let file = Source { shown: self.sources[source].shown, ..file };
+        if file.shown {
+            self.progress.points -= self.sources[source].input.file.points();
+            self.progress.points += file.input.file.points();
+        }
+        self.progress.chunks = self.progress.chunks + chunks.len() as u64 - of_old.len() as u64;
+        let old = &self.chunks[of_old.start as usize..of_old.end as usize];
+        self.progress.chunks_known = self.progress.chunks_known + known(&chunks) - known(old);
+        if fits {
+            self.chunks[first as usize..first as usize + chunks.len()].swap_with_slice(&mut { chunks }[..]);
+        } else {
+            self.chunks.extend(chunks);
+        }
+        self.sources[source] = file;
+        self.changed(source);
+    }
+
+    /// A file and its chunks, of which the first is to be `first`.
+    fn source(&self, source: usize, first: u32, open: OpenInput) -> (Source, Vec<Chunk>) {
+        let OpenInput { input, bounds, reach, in_nodes, known } = open;
         let grid = self.grid;
         let extent = bounds.and_then(|b| {
             let [low, high] = cells_of(&grid, b.min, b.max)?;
             Some(Extent { low, high, up: [b.min.z, b.max.z] })
         });
-        let source = self.sources.len();
-        let first = self.chunks.len() as u32;
         let file = &input.file;
-        self.progress.points += file.points();
+        let mut chunks = Vec::with_capacity(file.chunks.len());
         for chunk in &file.chunks {
             let known = known.of(chunk);
             let node = || {
@@ -226,9 +280,10 @@ impl Builds {
             let cells = known.and_then(|(told, bounds)| Some((told, cells_of_raw(&grid, &input, &bounds)?)));
             let cells = cells.or_else(node).map(|(told, cells)| (told, around(cells)));
             let learned = known.filter(|(told, _)| *told == Told::Cache).map(|(_, bounds)| bounds);
-            self.chunks.push(Chunk { source: source as u32, cells, learned, busy: false, broken: false });
+            let source = source as u32;
+            chunks.push(Chunk { source, cells, learned, busy: false, broken: false, lacked_by: 0 });
         }
-        self.sources.push(Source {
+        let source = Source {
             input: Arc::new(input),
             reach: reach.and_then(|b| cells_of(&grid, b.min, b.max)).map(around),
             extent,
@@ -237,9 +292,8 @@ impl Builds {
             first,
             busy: 0,
             has_news: false,
-        });
-        self.changed(source);
-        source
+        };
+        (source, chunks)
     }
 
     /// Shows or hides a file.
@@ -258,9 +312,7 @@ impl Builds {
     fn changed(&mut self, source: usize) {
         self.change += 1;
         let touched: Vec<_> = self.builds.keys().copied().filter(|&key| self.touches(source, key)).collect();
-        for key in touched {
-            self.builds.remove(&key);
-        }
+        touched.into_iter().for_each(|key| self.drop_build(key));
         let out = std::mem::take(&mut self.out);
         self.out = out.into_iter().filter(|&key| !self.touches(source, key)).collect();
         self.admit();
@@ -304,6 +356,12 @@ impl Builds {
         self.builds.values().map(|build| build.bytes.max(USUAL_BYTES)).sum()
     }
 
+    fn drop_build(&mut self, key: SectionKey) {
+        for chunk in self.builds.remove(&key).iter().flat_map(|build| &build.lacks) {
+            self.chunks[chunk as usize].let_go(&mut self.progress.lacking);
+        }
+    }
+
     /// Starts what is wanted, as far as there is room.
     fn admit(&mut self) {
         let mut bytes = self.bytes();
@@ -314,7 +372,9 @@ impl Builds {
             }
             if bytes + USUAL_BYTES > self.budget_bytes && !std::mem::replace(&mut tidied, true) {
                 let wanted: HashSet<_> = self.order.iter().copied().collect();
-                self.builds.retain(|key, _| wanted.contains(key));
+                let unwanted: Vec<_> =
+                    self.builds.keys().copied().filter(|key| !wanted.contains(key)).collect();
+                unwanted.into_iter().for_each(|key| self.drop_build(key));
                 bytes = self.bytes();
             }
             // One is always made, or nothing would ever be.
@@ -339,7 +399,12 @@ impl Builds {
             damaged |= touching.iter().any(|&chunk| self.chunks[chunk as usize].broken);
             lacks.extend(touching);
         }
-        let lacks = BTreeSet::from_iter(lacks);
+        let lacks: RoaringBitmap = lacks.into_iter().collect();
+        for chunk in &lacks {
+            let chunk = &mut self.chunks[chunk as usize];
+            self.progress.lacking += u64::from(chunk.lacked_by == 0);
+            chunk.lacked_by += 1;
+        }
         self.builds.insert(key, Build { columns: Shared::default(), lacks, bytes: 0, damaged });
         self.finish_if_whole(key);
     }
@@ -368,8 +433,8 @@ impl Builds {
     /// The chunk that the most urgent section lacks.
     pub fn next_job(&mut self) -> Option<Job> {
         let free = |key: &SectionKey| {
-            let lacks = self.builds.get(key)?.lacks.iter();
-            lacks.copied().find(|&chunk| !self.chunks[chunk as usize].busy)
+            let lacks = &self.builds.get(key)?.lacks;
+            lacks.into_iter().find(|&chunk| !self.chunks[chunk as usize].busy)
         };
         let chunk = self.order.iter().find_map(free)?;
         self.chunks[chunk as usize].busy = true;
@@ -378,7 +443,7 @@ impl Builds {
         let targets = self
             .builds
             .iter()
-            .filter(|(_, build)| build.lacks.contains(&chunk))
+            .filter(|(_, build)| build.lacks.contains(chunk))
             .map(|(&key, build)| (key, Arc::clone(&build.columns)))
             .collect();
         Some(Job { chunk, input: Arc::clone(&source.input), index: (chunk - source.first) as usize, targets })
@@ -387,11 +452,15 @@ impl Builds {
     /// Takes in what came of a job.
     pub fn done(&mut self, job: Job, outcome: Outcome) {
         let Job { chunk, input, index, targets } = job;
-        let state = &mut self.chunks[chunk as usize];
-        state.busy = false;
-        let source = state.source as usize;
         self.progress.points_read += outcome.points;
         self.progress.bytes_read += input.file.chunks[index].byte_len;
+        let state = &mut self.chunks[chunk as usize];
+        let source = state.source as usize;
+        if !Arc::ptr_eq(&input, &self.sources[source].input) {
+            // Another file is in its place by now.
+            return;
+        }
+        state.busy = false;
         let lost = matches!(outcome.error, Some(SourceError::Io { .. } | SourceError::Changed { .. }));
         let broken = outcome.error.is_some();
         if let Some(error) = outcome.error {
@@ -422,15 +491,19 @@ impl Builds {
                 build.bytes = super::bins::lock(&build.columns).bytes() as u64;
             }
             let outside = cells.is_some_and(|[low, high]| !touches(key, low, high));
-            let changed = if lost {
-                let before = build.lacks.len();
+            let mut ends = RoaringBitmap::new();
+            if lost {
                 // Others may be writing: what they read ends by itself.
-                build.lacks.retain(|c| !(*c == chunk || gone.contains(c) && !self.chunks[*c as usize].busy));
-                build.lacks.len() < before
-            } else {
-                (served || outside) && build.lacks.remove(&chunk)
-            };
-            if changed {
+                let is_over = |c: &u32| *c == chunk || !self.chunks[*c as usize].busy;
+                ends.extend(build.lacks.range(gone.clone()).filter(is_over));
+            } else if (served || outside) && build.lacks.contains(chunk) {
+                ends.insert(chunk);
+            }
+            build.lacks -= &ends;
+            for chunk in &ends {
+                self.chunks[chunk as usize].let_go(&mut self.progress.lacking);
+            }
+            if !ends.is_empty() {
                 build.damaged |= broken && (lost || served);
                 touched.push(key);
             }
@@ -478,6 +551,7 @@ impl Builds {
         for chunk in &mut self.chunks[of_source.start as usize..of_source.end as usize] {
             if chunk.cells.is_some_and(|(by, _)| by == told) {
                 chunk.cells = None;
+                self.progress.chunks_known -= 1;
                 chunk.learned = chunk.learned.filter(|_| told != Told::Cache && told != Told::Points);
             }
         }
@@ -491,6 +565,7 @@ impl Builds {
     /// Keeps the bounds of a chunk that was read whole.
     fn learn(&mut self, chunk: u32, bounds: RawBounds, cells: Option<Cells>) {
         let state = &mut self.chunks[chunk as usize];
+        self.progress.chunks_known += u64::from(state.cells.is_none() && cells.is_some());
         state.cells = cells.map(|cells| (Told::Points, cells)).or(state.cells);
         if state.learned.replace(bounds) != Some(bounds) {
             self.sources[state.source as usize].has_news = true;
@@ -534,7 +609,7 @@ impl Builds {
             && self.builds.len() > 1
             && let Some((_, key)) = last.pop()
         {
-            self.builds.remove(&key);
+            self.drop_build(key);
         }
     }
 
@@ -555,16 +630,9 @@ impl Builds {
 
     /// How far it is.
     pub fn progress(&self) -> Progress {
-        let mut lacked = vec![false; self.chunks.len()];
-        for &chunk in self.builds.values().flat_map(|build| &build.lacks) {
-            lacked[chunk as usize] = true;
-        }
         Progress {
-            chunks: self.chunks.len() as u64,
-            chunks_known: self.chunks.iter().filter(|chunk| chunk.cells.is_some()).count() as u64,
             builds: self.builds.len() as u64,
             build_bytes: self.builds.values().map(|build| build.bytes).sum(),
-            lacking: lacked.into_iter().filter(|lacked| *lacked).count() as u64,
             ..self.progress
         }
     }

@@ -16,7 +16,6 @@ use crossbeam_channel::{Receiver, Sender};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use thread_priority::{ThreadPriority, set_current_thread_priority};
 
@@ -62,7 +61,7 @@ struct State {
     core: Arc<Core>,
     sample: Option<Sample>,
     /// What was read for it, by file: files that come and go are read for it once.
-    sparse: HashMap<usize, Arc<Sparse>>,
+    sparse: HashMap<usize, (Arc<Input>, Arc<Sparse>)>,
     /// Where it is kept what was learned, and when that was done last.
     cache: Option<(Arc<Cache>, Instant)>,
 }
@@ -155,10 +154,9 @@ enum Task {
     Pack(Finished),
 }
 
-/// The threads. Dropped, they end.
+/// The threads. Dropped, they end with the chunk that they are at, which is not waited for: it may be a whole file.
 pub struct Feed {
     inner: Arc<Inner>,
-    threads: Vec<JoinHandle<()>>,
     arrivals: Receiver<Arrival>,
     letters: Sender<Letter>,
     news: Receiver<News>,
@@ -202,13 +200,11 @@ impl Feed {
         });
         let (send, arrivals) = crossbeam_channel::bounded(QUEUE);
         let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
-        let threads = (0..threads.max(1))
-            .map(|_| {
-                let (inner, send, wake) = (Arc::clone(&inner), send.clone(), Arc::clone(&wake));
-                std::thread::spawn(move || work(&inner, &send, &*wake))
-            })
-            .collect();
-        Feed { inner, threads, arrivals, letters, news }
+        for _ in 0..threads.max(1) {
+            let (inner, send, wake) = (Arc::clone(&inner), send.clone(), Arc::clone(&wake));
+            std::thread::spawn(move || work(&inner, &send, &*wake));
+        }
+        Feed { inner, arrivals, letters, news }
     }
 
     /// Points outside of these cells are left out from now on.
@@ -265,7 +261,9 @@ impl Feed {
     /// Takes the sparse sample of all files that are shown, into sections of `level`.
     pub fn sample(&self, level: u8) {
         let mut state = self.inner.lock();
-        let sources = state.builds.sources();
+        let State { builds, sparse, .. } = &mut *state;
+        sparse.retain(|source, (of, _)| Arc::ptr_eq(of, &builds.sources()[*source].input));
+        let sources = builds.sources();
         let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
         let most = sparse::points_of_file(left.len());
         let change = state.builds.change();
@@ -321,19 +319,10 @@ impl Feed {
 
 impl Drop for Feed {
     fn drop(&mut self) {
-        {
-            // Under the lock, so that no thread is between looking and waiting.
-            let _state = self.inner.lock();
-            self.inner.stop.store(true, Ordering::Relaxed);
-        }
-        self.inner.work.notify_all();
-        // A thread may be sending.
-        let (_, closed) = crossbeam_channel::bounded(0);
-        drop(std::mem::replace(&mut self.arrivals, closed));
-        for thread in self.threads.drain(..) {
-            let _ = thread.join();
-        }
+        // Under the lock, so that no thread is between looking and waiting.
         let mut state = self.inner.lock();
+        self.inner.stop.store(true, Ordering::Relaxed);
+        self.inner.work.notify_all();
         if let Some((cache, _)) = state.cache.take() {
             let learned = state.builds.take_learned();
             drop(state);
@@ -360,8 +349,12 @@ fn next(inner: &Inner) -> Option<Task> {
             sample.busy += 1;
             let input = Arc::clone(&builds.sources()[source].input);
             let sections = Arc::clone(&sample.sections);
-            let (level, most, read) = (sample.level, sample.most, sparse.get(&source).cloned());
-            let read = read.filter(|read| read.most() >= most);
+            let (level, most) = (sample.level, sample.most);
+            // Half as many will do: files that come and go change how many each is to give.
+            let enough = |(of, read): &&(Arc<Input>, Arc<Sparse>)| {
+                Arc::ptr_eq(of, &input) && (read.most() >= most / 2 || read.has_all())
+            };
+            let read = sparse.get(&source).filter(enough).map(|(_, read)| Arc::clone(read));
             return Some(Task::Sample { source, input, level, most, read, sections });
         }
         if let Some(finished) = builds.take_finished() {
@@ -406,11 +399,14 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 }
                 let mut state = inner.lock();
                 let State { builds, sample, sparse, .. } = &mut *state;
-                builds.saw(source, of_file.bounds());
-                let told = inner.report(builds);
-                if of_file.is_whole() {
-                    sparse.insert(source, of_file);
+                // Another file may be in its place by now.
+                if Arc::ptr_eq(&input, &builds.sources()[source].input) {
+                    builds.saw(source, of_file.bounds());
+                    if of_file.is_whole() {
+                        sparse.insert(source, (input, of_file));
+                    }
                 }
+                let told = inner.report(builds);
                 let of_last = |sample: &Sample| Arc::ptr_eq(&sample.sections, &sections);
                 if let Some(sample) = sample.as_mut().filter(|sample| of_last(sample)) {
                     if sample.busy > 1 || !sample.left.is_empty() {

@@ -94,13 +94,16 @@ pub struct Live {
     arrived: HashMap<SectionKey, Packed>,
     /// Resident, but of the files as they were.
     stale: HashSet<SectionKey>,
+    /// Some of them may not be resident.
+    has_new_stale: bool,
     /// Uploaded before; the device may have given it back.
     kept: HashMap<SectionKey, Kept>,
     kept_bytes: u64,
+    most_kept_bytes: u64,
     /// When a section was wanted or shown last.
     used: HashMap<SectionKey, u64>,
-    /// What files have touched, and from which change on.
-    changes: Vec<(u64, usize)>,
+    /// From which change on a file touches other sections than before, or (`None`) all may be other ones.
+    changes: Vec<(u64, Option<usize>)>,
     tick: u64,
     coarser: f64,
     /// Tick at which that was changed last.
@@ -122,6 +125,12 @@ fn packed_bytes(packed: &Packed) -> u64 {
     4 * packed.words.len() as u64
 }
 
+/// Sections that some files may have points in.
+fn touched(builds: &Builds, sources: &[usize], keys: &HashSet<SectionKey>) -> Vec<SectionKey> {
+    let touches = |key: &&SectionKey| sources.iter().any(|&source| builds.touches(source, **key));
+    keys.iter().filter(touches).copied().collect()
+}
+
 impl Live {
     /// Of files, on `grid`. `host_bytes`: of everything that is held in host memory; `wake` is called when there is
     /// something for [`Live::tick`].
@@ -133,7 +142,7 @@ impl Live {
         threads: usize,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Live {
-        let mut builds = Builds::new(grid, host_bytes / 4 * 3);
+        let mut builds = Builds::new(grid, host_bytes / 8 * 5);
         for input in inputs {
             builds.add(input);
         }
@@ -158,8 +167,10 @@ impl Live {
             damaged: HashSet::new(),
             arrived: HashMap::new(),
             stale: HashSet::new(),
+            has_new_stale: false,
             kept: HashMap::new(),
             kept_bytes: 0,
+            most_kept_bytes: host_bytes / 4,
             used: HashMap::new(),
             changes: Vec::new(),
             tick: 0,
@@ -232,24 +243,36 @@ impl Live {
         sources
     }
 
-    /// Another file in the place of one: what either touches is made anew. Gives the new one's number.
-    pub fn replace_file(&mut self, source: usize, input: OpenInput, core: Core) -> usize {
+    /// Other files in the place of some: what either touches is made anew.
+    pub fn replace_files(&mut self, files: Vec<(usize, OpenInput)>, core: Core) {
         self.feed.set_core(core);
-        let new = self.feed.with(|builds| {
-            builds.show(source, false);
-            builds.add(input)
+        let sources: Vec<_> = files.iter().map(|(source, _)| *source).collect();
+        let known = self.known();
+        let (touched, change) = self.feed.with(|builds| {
+            let mut touched = touched(builds, &sources, &known);
+            files.into_iter().for_each(|(source, input)| builds.replace(source, input));
+            touched.extend(self::touched(builds, &sources, &known));
+            (touched, builds.change())
         });
-        self.files_changed(&[source, new]);
-        new
+        // Where the old ones lay is forgotten: whatever is under way is made anew.
+        self.changes.push((change, None));
+        self.remake(touched);
+    }
+
+    /// Sections of which something is known.
+    fn known(&self) -> HashSet<SectionKey> {
+        let made = self.empty.iter().chain(self.arrived.keys()).chain(self.kept.keys());
+        made.chain(self.used.keys()).copied().collect()
     }
 
     fn files_changed(&mut self, sources: &[usize]) {
-        let made = self.empty.iter().chain(self.arrived.keys()).chain(self.kept.keys());
-        let known: HashSet<SectionKey> = made.chain(self.used.keys()).copied().collect();
-        let (touched, change) = self.feed.with(|builds| {
-            let touches = |key: &SectionKey| sources.iter().any(|&source| builds.touches(source, *key));
-            (known.into_iter().filter(touches).collect::<Vec<_>>(), builds.change())
-        });
+        let known = self.known();
+        let (touched, change) = self.feed.with(|builds| (touched(builds, sources, &known), builds.change()));
+        self.changes.extend(sources.iter().map(|&source| (change, Some(source))));
+        self.remake(touched);
+    }
+
+    fn remake(&mut self, touched: Vec<SectionKey>) {
         for key in touched {
             self.empty.remove(&key);
             self.damaged.remove(&key);
@@ -259,7 +282,7 @@ impl Live {
             }
             self.stale.insert(key);
         }
-        self.changes.extend(sources.iter().map(|&source| (change, source)));
+        self.has_new_stale = true;
         // What was asked for may have been thrown away.
         self.asked.clear();
         self.look_at_files();
@@ -272,6 +295,9 @@ impl Live {
         let corrected = std::mem::take(&mut self.corrected);
         if !corrected.is_empty() {
             self.files_changed(&corrected);
+        }
+        if std::mem::take(&mut self.has_new_stale) {
+            self.stale.retain(|&key| scene.is_live(key) || scene.is_coming(key));
         }
         if !self.purged.is_empty() {
             let purged = std::mem::take(&mut self.purged);
@@ -345,7 +371,8 @@ impl Live {
             self.feed.taken(key);
         }
         let outdated = self.changes.iter().any(|&(since, source)| {
-            since > change && (sparse || self.feed.with(|builds| builds.touches(source, key)))
+            let touches = |source| self.feed.with(|builds| builds.touches(source, key));
+            since > change && (sparse || source.is_none_or(touches))
         });
         if outdated || sparse && key.level != self.sparse_level {
             // Who asked for it is to ask again.
@@ -450,7 +477,7 @@ impl Live {
         let urgent = order.len();
         let mut room_ahead = true;
         order.extend(self.ahead.iter().filter(ready));
-        for (place, key) in order.into_iter().enumerate() {
+        for (place, &key) in order.iter().enumerate() {
             if scene.is_coming(key) || scene.is_live(key) && !self.stale.contains(&key) {
                 // One that was made twice is not to lie about.
                 if !scene.is_coming(key) && self.arrived.contains_key(&key) {
@@ -475,12 +502,16 @@ impl Live {
                 Upload::Full if is_sparse(&&key) => continue,
                 // Nor what is not seen yet, of what is.
                 Upload::Full if place >= urgent => {
-                    room_ahead = false;
+                    room_ahead = self.make_room(
+                        scene,
+                        self.still_to_come(scene, &order[place..], most_bytes - bytes),
+                        true,
+                    )?;
                     break;
                 }
                 Upload::Full => {
-                    let needed = section_bytes(&packed.layout);
-                    if !self.make_room(scene, needed)? {
+                    let needed = self.still_to_come(scene, &order[place..urgent], most_bytes - bytes);
+                    if !self.make_room(scene, needed, false)? {
                         let roots = self.domain.roots().first().map_or(0, |root| root.level);
                         self.stuck = self.wanted.iter().all(|key| key.level == roots);
                         if !self.stuck {
@@ -512,13 +543,33 @@ impl Live {
         Ok(news)
     }
 
-    /// Gives back what is not wanted, what was used longest ago first and stand-ins last, until so many bytes are free.
-    fn make_room(&mut self, scene: &mut Scene, bytes: u64) -> Result<bool, GpuError> {
-        let wanted: HashSet<_> = self.wanted.iter().copied().collect();
+    /// Bytes on the device of what is to be uploaded of `order`, about `most_bytes` at a time.
+    fn still_to_come(&self, scene: &Scene, order: &[SectionKey], most_bytes: u64) -> u64 {
+        let (mut uploaded, mut held) = (0, 0);
+        for key in order {
+            let kept = || self.kept.get(key).map(|kept| &kept.packed);
+            let is_wanted = !scene.is_coming(*key) && !self.is_there(scene, *key);
+            let Some(packed) = self.arrived.get(key).or_else(kept).filter(|_| is_wanted) else { continue };
+            if uploaded > most_bytes {
+                break;
+            }
+            uploaded += packed_bytes(packed);
+            held += section_bytes(&packed.layout);
+        }
+        held
+    }
+
+    /// Gives back what is not wanted, what was used longest ago first and stand-ins last, until so many bytes are free;
+    /// for what is not seen yet, what is seen or will be stays.
+    fn make_room(&mut self, scene: &mut Scene, bytes: u64, for_ahead: bool) -> Result<bool, GpuError> {
         let shown: HashSet<_> = self.shown.iter().map(|(_, from)| *from).collect();
+        let mut stays: HashSet<_> = self.wanted.iter().copied().collect();
+        if for_ahead {
+            stays.extend(self.ahead.iter().chain(&shown));
+        }
         let mut spare: Vec<_> = scene
             .resident()
-            .filter(|key| !wanted.contains(key) && key.level != self.sparse_level)
+            .filter(|key| !stays.contains(key) && key.level != self.sparse_level)
             // What stands in for something goes last.
             .map(|key| (shown.contains(&key), self.used.get(&key).copied().unwrap_or(0), key))
             .collect();
@@ -549,6 +600,11 @@ impl Live {
         Ok(())
     }
 
+    /// Holds no copies in host memory of what is on the device: for a single picture, after which nothing comes back.
+    pub fn keep_no_copies(&mut self) {
+        self.most_kept_bytes = 0;
+    }
+
     /// Keeps a section that has arrived as long as there is room, in the place of those that were used longest ago.
     fn keep(&mut self, key: SectionKey) {
         let used = self.used.get(&key).copied().unwrap_or(0);
@@ -562,7 +618,7 @@ impl Live {
         if let Some(old) = self.kept.insert(key, Kept { packed, used }) {
             self.kept_bytes -= packed_bytes(&old.packed);
         }
-        while self.kept_bytes > self.host_bytes / 4 {
+        while self.kept_bytes > self.most_kept_bytes {
             let oldest = self.kept.iter().min_by_key(|(key, kept)| (kept.used, **key));
             let Some(oldest) = oldest.map(|(key, _)| *key) else { break };
             let old = self.kept.remove(&oldest).expect("just seen");

@@ -57,6 +57,9 @@ pub fn section_bytes(layout: &Layout) -> u64 {
     slot_bytes(layout.uploaded_bytes()) + slot_bytes(layout.derived_bytes())
 }
 
+/// Payloads in a page, at most: the allocator's own memory grows by it.
+const MOST_OF_PAGE: u32 = 1 << 14;
+
 /// What a slot is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
@@ -71,8 +74,7 @@ pub struct Slot {
     page: usize,
     allocation: Allocation,
     offset: u64,
-    /// What was asked for, and what it takes of the page.
-    bytes: u64,
+    /// What it takes of the page.
     units: u32,
 }
 
@@ -112,13 +114,12 @@ pub struct Pool {
     access: Access,
     pages: Vec<Option<Page>>,
     budget_bytes: u64,
-    used_bytes: u64,
 }
 
 impl Pool {
     /// An empty pool of at most `budget_bytes` of pages.
     pub fn new(gpu: &Gpu, access: Access, budget_bytes: u64) -> Pool {
-        Pool { gpu: gpu.clone(), access, pages: Vec::new(), budget_bytes, used_bytes: 0 }
+        Pool { gpu: gpu.clone(), access, pages: Vec::new(), budget_bytes }
     }
 
     /// A place for `bytes`; `None` when the budget has no room for it.
@@ -145,8 +146,7 @@ impl Pool {
             found = page.alloc(units).map(|place| (index, place));
         }
         let (page, (allocation, offset)) = found.expect("the page was made to hold it");
-        self.used_bytes += bytes;
-        Ok(Some(Slot { page, allocation, offset, bytes, units }))
+        Ok(Some(Slot { page, allocation, offset, units }))
     }
 
     /// Adds a page that holds at least `bytes`, if the budget allows.
@@ -166,9 +166,18 @@ impl Pool {
         {
             return Ok(None);
         }
-        let buffer =
-            Buffer::new(&self.gpu, &format!("pool page {}", self.pages.len()), MemoryKind::Device, size)?;
-        let space = Allocator::new((size / ALIGN) as u32);
+        let name = format!("pool page {}", self.pages.len());
+        let buffer = match Buffer::new(&self.gpu, &name, MemoryKind::Device, size) {
+            Ok(buffer) => buffer,
+            // Others use the device, too: what is held by now is all that can be had.
+            Err(error @ GpuError::Memory { .. }) if self.held_bytes() > 0 => {
+                tracing::warn!("the device has no more memory: {error}");
+                self.budget_bytes = self.held_bytes();
+                return Ok(None);
+            }
+            Err(error) => return Err(error),
+        };
+        let space = Allocator::with_max_allocs((size / ALIGN) as u32, MOST_OF_PAGE);
         let page = Some(Page { buffer, space, free_bytes: size, most_bytes: 0, texels });
         let vacant = self.pages.iter().position(Option::is_none);
         let index = vacant.unwrap_or(self.pages.len());
@@ -184,7 +193,6 @@ impl Pool {
         let page = self.pages[slot.page].as_mut().expect("a slot's page stays");
         page.space.free(slot.allocation);
         page.free_bytes += u64::from(slot.units) * ALIGN;
-        self.used_bytes -= slot.bytes;
         if page.free_bytes == page.buffer.size() {
             // Work in flight holds the buffer until it is done.
             self.pages[slot.page] = None;
@@ -228,11 +236,6 @@ impl Pool {
     /// All pages.
     pub fn buffers(&self) -> impl Iterator<Item = &Buffer> {
         self.pages.iter().flatten().map(|p| &p.buffer)
-    }
-
-    /// Bytes handed out.
-    pub fn used_bytes(&self) -> u64 {
-        self.used_bytes
     }
 
     /// The page that derived parts are in, where it is the only one.

@@ -835,6 +835,18 @@ impl Scene {
         Ok(Some(ReadBack { layout, uploaded, derived }))
     }
 
+    /// The highest thing that is shown of a live section.
+    fn highest(&self, key: SectionKey) -> Option<Height> {
+        let version = self.sections.get(&key)?.live.as_ref()?;
+        let shown = version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
+        shown.map(|(_, _, h)| *h).max()
+    }
+
+    /// Whether tables have nothing to name: no live section shows anything.
+    pub fn shows_nothing(&self) -> bool {
+        self.sections.keys().all(|&key| self.highest(key).is_none())
+    }
+
     /// What a table may name now: live sections that show anything, in key order.
     pub fn entries(&self) -> Vec<Entry> {
         self.entries_of(self.sections.keys().map(|&key| (key, key)))
@@ -843,11 +855,7 @@ impl Scene {
     /// The same for some places and the section that each is to show: its own, or a coarser one around it. In the
     /// order of the places.
     pub fn entries_of(&self, shown: impl IntoIterator<Item = (SectionKey, SectionKey)>) -> Vec<Entry> {
-        let highest = |key: &SectionKey| -> Option<Height> {
-            let version = self.sections.get(key)?.live.as_ref()?;
-            let shown = version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
-            shown.map(|(_, _, h)| *h).max()
-        };
+        let highest = |key: &SectionKey| self.highest(*key);
         let entry = |(at, key): (SectionKey, SectionKey)| {
             let version = self.sections.get(&key)?.live.as_ref()?;
             // Bridges rise no higher than what they lead to, which may be a neighbour's.

@@ -9,9 +9,10 @@ const SAMPLE_POINTS: usize = 1 << 17;
 /// Most records of a chunk of LAS in it.
 const RECORDS_OF_A_CHUNK: u64 = 256;
 
-/// Points that each of so many files gives, at most.
+/// Points that each of so many files gives, at most: a power of two, so that a few files more or less change nothing.
 pub fn points_of_file(files: usize) -> usize {
-    (SAMPLE_POINTS / files.max(1)).max(1)
+    let most = (SAMPLE_POINTS / files.max(1)).max(1);
+    1 << most.ilog2()
 }
 
 /// Records of a chunk that a sample of `most` points of a file takes: of LAS, any can be read alone, of others the
@@ -38,6 +39,7 @@ pub struct Sparse {
     blocks: Vec<PointBlock>,
     bounds: Vec<(usize, RawBounds)>,
     most: usize,
+    has_all: bool,
     is_whole: bool,
 }
 
@@ -50,6 +52,8 @@ impl Sparse {
         }
         let of_chunk = records_of_chunk(file, most);
         let stride = if of_chunk == 1 { Decoder::stride_of_firsts(file, most) } else { 1 };
+        let most_of_chunk = if file.header.compressed { 1 } else { RECORDS_OF_A_CHUNK };
+        sparse.has_all = stride == 1 && of_chunk == most_of_chunk;
         let mut chunk_of_point = file.chunks.iter().enumerate().step_by(stride).flat_map(|(index, chunk)| {
             std::iter::repeat_n(index, if of_chunk == 1 { 1 } else { of_chunk.min(chunk.records) as usize })
         });
@@ -81,6 +85,11 @@ impl Sparse {
     /// Points that it was to have, about.
     pub fn most(&self) -> usize {
         self.most
+    }
+
+    /// No sample takes more of its file.
+    pub fn has_all(&self) -> bool {
+        self.has_all
     }
 
     /// Nothing stood in the way of reading it.

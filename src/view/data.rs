@@ -18,14 +18,16 @@ use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use crate::stream::table::Table;
 use crossbeam_channel::Receiver;
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Files that have changed and are opened again at a time.
-const MOST_AGAIN: usize = 2;
+/// Files that have changed and are opened again at a time: each time everything that they touch is looked at.
+const MOST_AGAIN: usize = 256;
+/// Messages that are remembered, the newest.
+const MOST_MESSAGES: usize = 100;
 /// How often progress is looked at, at least.
 const COUNT_EVERY: Duration = Duration::from_millis(100);
 
@@ -123,20 +125,25 @@ pub struct Status {
 }
 
 /// What is to become of files that are being opened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 enum Purpose {
     /// They are all that is shown.
     First,
-    /// They come to those that are there.
-    More,
-    /// The one that has this place in [`About::files`] has changed.
-    Again(usize),
+    /// These inputs come to what is there.
+    More(Vec<OsString>),
+    /// Those that have these places in [`About::files`] have changed.
+    Again(Vec<usize>),
 }
+
+/// What came of opening files, and what is to be said of it.
+type Opened = (Result<Opening, LoadError>, Vec<String>);
 
 /// Files that are being opened.
 struct Coming {
-    opening: Receiver<(Result<Opening, LoadError>, Vec<String>)>,
+    opening: Receiver<Opened>,
     purpose: Purpose,
+    /// As files of the world that is shown.
+    is_of_world: bool,
 }
 
 /// Wakes the window when there is news.
@@ -160,7 +167,7 @@ pub struct Data {
     /// When that was asked for.
     counted: Instant,
     is_complete: bool,
-    messages: Vec<String>,
+    messages: VecDeque<String>,
     failed: Option<String>,
     is_held: bool,
 }
@@ -192,7 +199,7 @@ impl Data {
             now: live::Status::default(),
             counted: Instant::now(),
             is_complete: false,
-            messages: Vec::new(),
+            messages: VecDeque::new(),
             failed: None,
             is_held: false,
         };
@@ -223,27 +230,30 @@ impl Data {
         let mut opened = Vec::new();
         // In the order in which they were asked for.
         while let Some(coming) = self.coming.first() {
-            match coming.opening.try_recv() {
-                Ok((opening, lines)) => opened.push((opening, lines, coming.purpose)),
+            let come = match coming.opening.try_recv() {
                 Err(error) if error.is_empty() => break,
-                Err(_) => {}
-            }
-            self.coming.remove(0);
+                Err(_) => (Err(LoadError::Nothing("reading ended early")), Vec::new()),
+                Ok(come) => come,
+            };
+            let coming = self.coming.remove(0);
+            opened.push((come, coming.purpose, coming.is_of_world));
         }
-        for (opening, lines, purpose) in opened {
+        for ((opening, lines), purpose, is_of_world) in opened {
             tick.changed = true;
-            self.say(lines);
             match (purpose, opening) {
-                // The list that it has its place in may be another one since.
-                (Purpose::Again(_), _) if tick.is_new_scene => {}
-                (Purpose::Again(file), opening) => self.renew(file, opening),
-                (Purpose::More, Ok(opening)) if self.fits(&opening) => self.join(opening),
+                // Only now it is known what they come to.
+                (Purpose::More(inputs), _) if self.about.is_some() && !is_of_world => self.open_more(inputs),
+                (Purpose::More(inputs), opening) if self.about.is_some() => self.join(inputs, opening, lines),
+                (Purpose::Again(files), opening) => self.renew(&files, opening, lines),
                 (_, Ok(opening)) => {
-                    self.replace(gpu, opening)?;
+                    self.say(lines);
+                    self.show(gpu, opening)?;
                     tick.is_new_scene = true;
                 }
-                (_, Err(error)) if self.about.is_some() => self.say(vec![error.to_string()]),
-                (_, Err(error)) => self.failed = Some(error.to_string()),
+                (_, Err(error)) => {
+                    self.say(lines);
+                    self.failed = Some(error.to_string());
+                }
             }
         }
         let (Some(live), Some(about)) = (&mut self.live, &self.about) else {
@@ -280,24 +290,39 @@ impl Data {
     fn say(&mut self, lines: Vec<String>) {
         for line in lines {
             if !self.messages.contains(&line) {
-                self.messages.push(line);
+                self.messages.push_back(line);
             }
         }
+        let too_many = self.messages.len().saturating_sub(MOST_MESSAGES);
+        self.messages.drain(..too_many);
     }
 
-    /// Whether files can be shown beside those that are.
-    fn fits(&self, opening: &Opening) -> bool {
-        let Some(about) = &self.about else { return false };
-        let same = |a: &Option<crate::source::crs::Crs>, b: &Option<crate::source::crs::Crs>| {
-            a.as_ref().map(|crs| &crs.name) == b.as_ref().map(|crs| &crs.name)
-        };
+    /// Whether the grid of those that are there reaches files.
+    fn reaches(&self, opening: &Opening) -> bool {
         let bounds = opening.about.bounds;
-        let countable = cells_of(&self.grid, bounds.min, bounds.max).is_some();
-        countable && same(&about.crs, &opening.about.crs) && about.placement == opening.about.placement
+        cells_of(&self.grid, bounds.min, bounds.max).is_some()
     }
 
     /// More files, on the grid of those that are there.
-    fn join(&mut self, opening: Opening) {
+    fn join(&mut self, asked: Vec<OsString>, opening: Result<Opening, LoadError>, lines: Vec<String>) {
+        let opening = match opening {
+            Ok(opening) if self.reaches(&opening) => Ok(opening),
+            Ok(_) => Err("they are too far from what is shown".to_owned()),
+            Err(error) => Err(error.to_string()),
+        };
+        let opening = match opening {
+            Ok(opening) => opening,
+            Err(why) => {
+                for input in &asked {
+                    let last = self.inputs.iter().rposition(|known| known == input);
+                    last.map(|at| self.inputs.remove(at));
+                }
+                let names: Vec<_> = asked.iter().map(|input| input.display().to_string()).collect();
+                self.say(lines);
+                return self.say(vec![format!("{}: not added: {why}", names.join(", "))]);
+            }
+        };
+        self.say(lines);
         let core = self.widen(&opening.about);
         let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
         for (known, more) in about.whole.classes.iter_mut().zip(opening.about.classes.iter()) {
@@ -342,51 +367,69 @@ impl Data {
         self.say(lines);
     }
 
-    /// Opens files that have changed, a few at a time: a drive with thousands of them may have come back.
+    /// Opens files that have changed, many at a time: a drive with thousands of them may have come back.
     fn open_again(&mut self) {
-        let is_again = |coming: &&Coming| matches!(coming.purpose, Purpose::Again(_));
-        while self.coming.iter().filter(is_again).count() < MOST_AGAIN
-            && let Some(file) = self.again.pop_front()
-            && let Some(about) = &self.about
-        {
-            let path = vec![about.files[file].path.clone().into_os_string()];
-            self.open_aside(path, Vec::new(), Purpose::Again(file));
+        if self.coming.iter().any(|coming| matches!(coming.purpose, Purpose::Again(_))) {
+            return;
+        }
+        let Some(about) = &self.about else { return };
+        let files: Vec<_> = self.again.drain(..self.again.len().min(MOST_AGAIN)).collect();
+        let paths: Vec<_> =
+            files.iter().map(|&file| about.files[file].path.clone().into_os_string()).collect();
+        if !files.is_empty() {
+            self.open_aside(paths, Vec::new(), Purpose::Again(files));
         }
     }
 
-    /// A file that has changed is opened: in the place of what it was.
-    fn renew(&mut self, file: usize, opening: Result<Opening, LoadError>) {
-        let fits = opening.as_ref().is_ok_and(|opening| self.fits(opening));
-        let path = self.about.as_ref().map(|about| about.files[file].path.clone()).unwrap_or_default();
-        // It may be gone again since, which was told then.
-        let is_there = watch::stamp(&path).is_some();
-        let path = path.display();
-        match opening {
-            _ if !is_there => {}
-            Ok(mut opening) if fits => {
-                let core = self.widen(&opening.about);
-                let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
-                // What the old one had of each is not known.
-                for (known, now) in about.whole.classes.iter_mut().zip(opening.about.classes.iter()) {
-                    *known = (*known).max(*now);
-                }
-                let Some(input) = opening.inputs.pop() else { return };
-                let known = &mut about.files[file];
-                *known = FileAbout { shown: known.shown, ..file_about(&input) };
-                known.source = live.replace_file(known.source, input, core);
-                if !known.shown {
-                    live.show_file(known.source, false);
-                }
-                self.say(vec![format!("{path}: has changed, and was read anew")]);
+    /// Files that have changed are opened: in the place of what they were.
+    fn renew(&mut self, files: &[usize], opening: Result<Opening, LoadError>, lines: Vec<String>) {
+        let (opening, why) = match opening {
+            Ok(opening) if self.reaches(&opening) => (Some(opening), String::new()),
+            Ok(_) => (None, ": it is too far from the others".to_owned()),
+            Err(error) => (None, format!(": {error}")),
+        };
+        let core = opening.as_ref().map(|opening| self.widen(&opening.about));
+        let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
+        let mut inputs = HashMap::new();
+        if let Some(opening) = opening {
+            // What the old ones had of each is not known.
+            for (known, now) in about.whole.classes.iter_mut().zip(opening.about.classes.iter()) {
+                *known = (*known).max(*now);
             }
-            other => {
-                let why = other.err().map_or("it does not fit the others".to_owned(), |e| e.to_string());
-                let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
-                about.files[file].is_gone = true;
-                live.show_file(about.files[file].source, false);
-                self.say(vec![format!("{path}: has changed, and cannot be shown any more: {why}")]);
+            let path = |input: &OpenInput| input.input.file.path().to_owned();
+            inputs.extend(opening.inputs.into_iter().map(|input| (path(&input), input)));
+        }
+        let (mut new, mut back, mut lost, mut said) = (Vec::new(), Vec::new(), Vec::new(), lines);
+        for &number in files {
+            let file = &mut about.files[number];
+            let path = file.path.display();
+            match inputs.remove(&file.path) {
+                // It may be gone again since, which was told then.
+                _ if watch::stamp(&file.path).is_none() => {}
+                Some(input) => {
+                    said.push(format!("{path}: has changed, and was read anew"));
+                    if std::mem::take(&mut file.is_gone) && file.shown {
+                        back.push(file.source);
+                    }
+                    *file = FileAbout { shown: file.shown, source: file.source, ..file_about(&input) };
+                    new.push((file.source, input));
+                }
+                None => {
+                    said.push(format!("{path}: has changed, and cannot be shown any more{why}"));
+                    file.is_gone = true;
+                    lost.push(file.source);
+                }
             }
         }
+        if let Some(core) = core.filter(|_| !new.is_empty()) {
+            live.replace_files(new, core);
+        }
+        for (sources, shown) in [(back, true), (lost, false)] {
+            if !sources.is_empty() {
+                live.show_files(&sources, shown);
+            }
+        }
+        self.say(said);
     }
 
     fn watch_from(&self, first: usize) {
@@ -396,8 +439,8 @@ impl Data {
         }
     }
 
-    /// Other data: another scene.
-    fn replace(&mut self, gpu: &Gpu, opening: Opening) -> anyhow::Result<()> {
+    /// The first data that there is: its scene.
+    fn show(&mut self, gpu: &Gpu, opening: Opening) -> anyhow::Result<()> {
         let Opening { inputs, grid, core, about } = opening;
         self.failed = None;
         self.grid = grid;
@@ -405,12 +448,9 @@ impl Data {
         let mut files: Vec<_> = inputs.iter().map(file_about).collect();
         files.iter_mut().enumerate().for_each(|(source, file)| file.source = source);
         self.about = Some(About { whole: about, files });
-        // Those of the data before are nobody's business any more.
         let wake = Arc::clone(&self.wake);
         self.watch = Some(Watch::new(move || wake()));
         self.watch_from(0);
-        self.coming.retain(|coming| !matches!(coming.purpose, Purpose::Again(_)));
-        self.again.clear();
         let wake = Arc::clone(&self.wake);
         // Two threads are left to the frames, where there are more.
         let threads = load::threads();
@@ -479,37 +519,51 @@ impl Data {
 
     /// Adds inputs, such as files that were dropped. Those that are there already are left alone.
     pub fn add(&mut self, inputs: Vec<OsString>) {
-        let known: Vec<_> =
-            self.about.iter().flat_map(|about| &about.files).map(|file| file.path.clone()).collect();
-        let purpose = if self.inputs.is_empty() { Purpose::First } else { Purpose::More };
+        let is_first = self.inputs.is_empty();
         self.inputs.extend(inputs.iter().cloned());
         self.is_complete = false;
-        self.open_aside(inputs, known, purpose);
+        if is_first {
+            self.open_aside(inputs, Vec::new(), Purpose::First);
+        } else {
+            self.open_more(inputs);
+        }
+    }
+
+    fn open_more(&mut self, inputs: Vec<OsString>) {
+        let files = self.about.iter().flat_map(|about| &about.files);
+        let known = files.map(|file| file.path.clone()).collect();
+        self.open_aside(inputs.clone(), known, Purpose::More(inputs));
     }
 
     /// Opens inputs on another thread, but for files that are known.
     fn open_aside(&mut self, inputs: Vec<OsString>, known: Vec<PathBuf>, purpose: Purpose) {
+        let world = self.about.as_ref().map(|about| about.world());
+        let is_of_world = world.is_some();
         let (send, opening) = crossbeam_channel::bounded(1);
         let (options, wake) = (self.options.clone(), Arc::clone(&self.wake));
         std::thread::spawn(move || {
             let mut problems = Problems::default();
             let mut found = inputs::expand(&inputs);
             found.failed.iter().for_each(|error| problems.error(error));
+            let is_known = !found.files.is_empty() && found.files.iter().all(|path| known.contains(path));
             found.files.retain(|path| !known.contains(path));
             let options = LoadOptions {
                 cell: options.cell,
-                placement: options.placement,
+                placement: PlacementOptions { known: world, ..options.placement },
                 rgb_bits: options.rgb_bits,
                 budget: Budget { host_bytes: options.host_bytes, device_bytes: options.device_bytes },
                 cache: options.cache,
                 quiet: true,
             };
-            let opened = load::open(&found.files, &options, &mut problems);
+            let opened = match is_known {
+                true => Err(LoadError::Nothing("all of it is open already")),
+                false => load::open(&found.files, &options, &mut problems),
+            };
             // The window may be gone.
             let _ = send.send((opened, problems.take_lines()));
             wake();
         });
-        self.coming.push(Coming { opening, purpose });
+        self.coming.push(Coming { opening, purpose, is_of_world });
     }
 
     /// Whether everything that is to be seen is there.
@@ -532,7 +586,7 @@ impl Data {
             device_bytes: [now.device_bytes, self.options.device_bytes],
             reduced_detail: (now.coarser > 1.0)
                 .then(|| format!("cells cover up to {:.1} pixels, for lack of device memory", now.coarser)),
-            messages: self.messages.clone(),
+            messages: self.messages.iter().cloned().collect(),
             bytes_read: progress.bytes_read,
             frames_waited: self.scene().counters().waits,
             is_complete: self.is_complete(),

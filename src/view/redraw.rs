@@ -178,7 +178,7 @@ impl Viewer {
         }
         // A picture that is being saved stays as it was begun.
         if self.saving.is_none() {
-            self.apply_settings()?;
+            self.has_news |= self.apply_settings()?;
         }
 
         let has_news = std::mem::take(&mut self.has_news);
@@ -265,7 +265,7 @@ impl Viewer {
         self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
         let (panel, settings, context) = (&mut self.panel, &mut self.settings, self.context.clone());
         let (camera, pick, notice) = (&self.camera, &self.pick, &self.notice);
-        let (is_framed, is_empty) = (self.is_framed, self.data.scene().entries().is_empty());
+        let (is_framed, is_empty) = (self.is_framed, self.data.scene().shows_nothing());
         let (mut asked, mut rect) = (panel::Asked::default(), Rect::ZERO);
         let old_size = self.place.size;
         let output = context.run_ui(raw, |ui| {
@@ -333,21 +333,24 @@ impl Viewer {
         }
     }
 
-    /// Makes the scene and the colours what the settings say.
-    fn apply_settings(&mut self) -> anyhow::Result<()> {
+    /// Makes the scene and the colours what the settings say; whether they were not.
+    pub(super) fn apply_settings(&mut self) -> anyhow::Result<bool> {
+        let mut is_changed = false;
         let visibility = self.settings.visibility;
         if self.data.scene().visibility() != visibility {
             let shown: Vec<_> = (0..=255u8).filter(|&c| visibility.classes.shows(c)).collect();
             self.log(format_args!("classes shown {} bridge {}", shown.len(), visibility.bridge));
             self.data.scene_mut().show(visibility)?;
+            is_changed = true;
         }
         let color = self.settings.color;
         let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == color);
         if !is_current && let Some(about) = self.data.about() {
             self.colors = Some((color, ColorTable::new(color, &about.summary, None, None)?));
             self.log(format_args!("color {}", color.name()));
+            is_changed = true;
         }
-        Ok(())
+        Ok(is_changed)
     }
 
     /// Starts a picture where one is wanted; whether there is something left to trace.
@@ -483,7 +486,7 @@ impl Viewer {
             self.statistics.first_frame = Some(since_start);
             self.log(format_args!("first frame {since_start:.0} ms"));
         }
-        let has_picture = self.screen.samples() > 0 && !self.data.scene().entries().is_empty();
+        let has_picture = self.screen.samples() > 0 && !self.data.scene().shows_nothing();
         if self.statistics.first_picture.is_none() && has_picture {
             self.statistics.first_picture = Some(since_start);
             let gap = self.statistics.longest_gap.unwrap_or(0.0);

@@ -130,6 +130,10 @@ impl Viewer {
     /// Begins to save what is seen.
     pub(super) fn save_picture(&mut self) -> anyhow::Result<()> {
         let size = self.place.size;
+        if self.saving.is_none() {
+            // Keys may have changed them since the last frame.
+            self.has_news |= self.apply_settings()?;
+        }
         let (Some(renderer), Some(colors)) = (&self.renderer, &self.colors) else {
             self.notify("There is nothing to save yet");
             return Ok(());

@@ -113,7 +113,56 @@ fn files_that_change_are_seen_as_they_are() {
         });
         println!("back again after {:?}", started.elapsed());
         assert_eq!(scene::pixels_that_differ(&seen.picture(), &whole), 0);
-        assert_eq!(seen.data.status().frames_waited, 0);
+        let status = seen.data.status();
+        assert_eq!((status.points_decoded, status.frames_waited), (status.points, 0));
+        assert_eq!(seen.gpu.messages(), [""; 0]);
+    });
+}
+
+/// The same file with other bytes, as often as they are found.
+fn with(path: &PathBuf, name: &str, old: &[u8], new: &[u8]) -> PathBuf {
+    let mut bytes = fs::read(path).unwrap();
+    let places: Vec<_> = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(old)).collect();
+    assert!(!places.is_empty());
+    places.into_iter().for_each(|at| bytes[at..at + new.len()].copy_from_slice(new));
+    let path = path.with_file_name(name);
+    fs::write(&path, bytes).unwrap();
+    path
+}
+
+#[test]
+fn files_that_are_dropped_come_to_those_that_are_there() {
+    common::run("changes::files_that_are_dropped_come_to_those_that_are_there", LAVAPIPE, |setup| {
+        let folder = tempfile::tempdir().unwrap();
+        let town = |name: &str, west: f64| scene::town(folder.path(), name, [west, -60.0], 60.0);
+        let (first, second, third) = (town("a.las", -60.0), town("b.las", 0.0), town("c.las", 60.0));
+        // No coordinate system: none of its records is of any kind that is known.
+        let unnamed = with(&second, "unnamed.las", b"LASF_Projection", b"OASF_Projection");
+        let other = with(&third, "other.las", b"25832", b"25833");
+        let all = super::town().bounds;
+        let camera = Camera::orbit(all.center(), [20.0, 50.0], 300.0, Projection::default()).unwrap();
+        let mut together = Seen::open(setup.gpu(), &[first.clone(), unnamed.clone(), third.clone()], camera);
+        together.until(|_| true);
+
+        // One is dropped before the first is open, one later.
+        let mut seen = Seen::open(setup.gpu(), std::slice::from_ref(&first), camera);
+        seen.data.add(vec![unnamed.clone().into()]);
+        seen.until(|data| data.about().unwrap().files.len() == 2);
+        seen.data.add(vec![third.into()]);
+        seen.until(|data| data.about().unwrap().files.len() == 3);
+        let picture = seen.picture();
+        assert_eq!(scene::pixels_that_differ(&picture, &together.picture()), 0);
+
+        // What does not fit is named, and nothing else happens.
+        seen.data.add(vec![other.into(), first.into()]);
+        seen.until(|data| data.status().messages.iter().any(|line| line.contains("not added")));
+        assert!(seen.says("other.las: left out: its coordinate system is"), "{:?}", seen.data.status());
+        seen.data.add(vec![unnamed.into()]);
+        seen.until(|data| data.status().messages.iter().any(|line| line.contains("open already")));
+        seen.data.add(vec![folder.path().join("nowhere.las").into()]);
+        seen.until(|data| data.status().messages.iter().any(|line| line.contains("nowhere.las: not added")));
+        assert_eq!((seen.data.about().unwrap().files.len(), seen.data.inputs().len()), (3, 3));
+        assert_eq!(scene::pixels_that_differ(&seen.picture(), &picture), 0);
         assert_eq!(seen.gpu.messages(), [""; 0]);
     });
 }
