@@ -55,6 +55,8 @@ const SIZE: [u32; 2] = [640, 360];
 const PEER_SIZE: [u32; 2] = [1920, 1080];
 /// Frames of a path that scaling is measured by, and the paths.
 const SCALING_FRAMES: u32 = 30;
+/// Times that they are drawn, a part of them each.
+const SCALING_ROUNDS: u32 = 3;
 const SCALING_PATHS: [PathKind; 3] = [PathKind::Rest, PathKind::Turn, PathKind::Grazing];
 
 /// Arguments of `lasray bench`.
@@ -591,33 +593,40 @@ impl Harness<'_> {
         let coarse = Config { levels: fine.levels - 1, ..fine };
         let kinds = if args.paths.is_empty() { &SCALING_PATHS[..] } else { &args.paths };
         let frames = args.frames.unwrap_or(SCALING_FRAMES);
-        let options = Options { size: self.size, frames, stop: &STOP };
-        let mut paths = Vec::new();
-        // [thesis, pool] of each path, coarse and fine.
-        let mut medians = vec![[[None; 2]; 2]; kinds.len()];
-        for (step, (config, cell)) in [(coarse, 2.0 * args.cell), (fine, args.cell)].into_iter().enumerate() {
+        let options = Options { size: self.size, frames: frames.div_ceil(SCALING_ROUNDS), stop: &STOP };
+        let mut sides = Vec::new();
+        for (config, cell) in [(coarse, 2.0 * args.cell), (fine, args.cell)] {
             let (world, _) = world(args, cell, 2.0 * args.cell)?;
-            if paths.is_empty() {
-                let stage = frames::stage(&world, config);
-                paths = kinds.iter().map(|kind| kind.path(&stage, args.seed)).collect::<Result<_, _>>()?;
-            }
-            let mut thesis = self.thesis(config)?;
-            for (path, medians) in paths.iter().zip(&mut medians) {
-                self.say(format_args!("scaling: cells of {cell}, {}", path.name().unwrap_or("path")));
+            sides.push((world, config, self.thesis(config)?));
+        }
+        let stage = frames::stage(&sides[0].0, coarse);
+        let paths: Vec<_> =
+            kinds.iter().map(|kind| kind.path(&stage, args.seed)).collect::<Result<_, _>>()?;
+        // [thesis, pool] of each path, coarse and fine.
+        let mut times = vec![[const { [const { Vec::new() }; 2] }; 2]; paths.len()];
+        // In turn, so that what else the machine does is the same for both.
+        for (path, times) in paths.iter().zip(&mut times) {
+            for round in 1..=SCALING_ROUNDS {
+                self.say(format_args!(
+                    "scaling: {}, {round} of {SCALING_ROUNDS}",
+                    path.name().unwrap_or("path")
+                ));
                 // A short film: what streams in meanwhile is not asked for.
-                let median = |times: &[FrameTimes]| stat(times, |t| t.trace_ms).map(|s| s.median);
-                let run = frames::run_pool(self.gpu, &world, config, path, &options)?;
-                medians[1][step] = median(&run.drawn);
-                if let Some(thesis) = &mut thesis {
-                    let run = frames::run_thesis(&world, config, path, thesis, &options, &[])?;
-                    medians[0][step] = median(&run.drawn);
+                for (step, (world, config, thesis)) in sides.iter_mut().enumerate() {
+                    let run = frames::run_pool(self.gpu, world, *config, path, &options)?;
+                    times[1][step].extend(run.drawn.iter().map(|t| t.trace_ms));
+                    if let Some(thesis) = thesis {
+                        let run = frames::run_thesis(world, *config, path, thesis, &options, &[])?;
+                        times[0][step].extend(run.drawn.iter().map(|t| t.trace_ms));
+                    }
                 }
             }
         }
         let cells = [coarse, fine].map(|config| f64::from(config.side()).powi(2));
         for (pipeline, k) in [(Pipeline::Thesis, 0), (Pipeline::Pool, 1)] {
-            for (path, medians) in paths.iter().zip(&medians) {
-                let [Some(less), Some(more)] = medians[k] else { continue };
+            for (path, times) in paths.iter().zip(&times) {
+                let medians = times[k].clone().map(|times| Stat::of(times).map(|stat| stat.median));
+                let [Some(less), Some(more)] = medians else { continue };
                 self.report.scaling.push(ScalingRow {
                     what: format!("trace, {}, {}", pipeline.name(), path.name().unwrap_or("path")),
                     of: "cells".to_owned(),
