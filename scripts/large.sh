@@ -54,3 +54,29 @@ data=$(bytes_of tiles)
 echo "straight down, nothing known: $(read_in unknown) of $data bytes"
 at_most "straight down, bounds of chunks known" "$(read_in known)" "$data" 50
 at_most "what is kept" "$(bytes_of kept)" "$data" 1
+
+# The same ground with a third and a tenth of the points: what is seen decides how much memory is used, not what there is.
+# peak_of FOLDER ARGUMENT...: KiB, median of three.
+peak_of() {
+    local folder=$1
+    shift
+    for run in 1 2 3; do
+        /usr/bin/time -o peak -f %M "$lasray" render "$folder" --cell 0.5 --size 640x360 --quiet --no-cache -o peak.png \
+            --host-memory 512MiB --device-memory 512MiB "$@"
+        cat peak
+    done | sort -n | sed -n 2p
+}
+count=$(numfmt --from=si "$points")
+"$lasray" synth third --points $((count / 3)) --density 2.6667 --tiles 8x8 ${suffix[@]+"${suffix[@]}"}
+"$lasray" synth tenth --points $((count / 10)) --density 0.8 --tiles 8x8 ${suffix[@]+"${suffix[@]}"}
+for view in whole street down; do
+    at=()
+    [ $view = street ] && at=("${street[@]}")
+    [ $view = down ] && at=("${down[@]}")
+    tenth=$(peak_of tenth ${at[@]+"${at[@]}"})
+    for more in third tiles; do
+        peak=$(peak_of $more ${at[@]+"${at[@]}"})
+        echo "$view, peak memory, a tenth of the points and $more: $tenth and $peak KiB"
+        [ $((peak * 10)) -le $((tenth * 11)) ] || { echo "$view: more than a tenth above" >&2; exit 1; }
+    done
+done

@@ -13,7 +13,7 @@ use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::{Budget, Core};
 use crate::stream::builds::{OpenInput, cells_of};
-use crate::stream::live::{self, FRAME_BYTES, Live};
+use crate::stream::live::{self, Live};
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use crate::stream::table::Table;
@@ -213,8 +213,8 @@ impl Data {
         self.scene_mut().hold(is_held);
     }
 
-    /// Takes what has arrived, once a frame; the camera, the picture's size and the vertical exaggeration say what is
-    /// wanted.
+    /// Takes what has arrived, once a frame, and uploads about `upload_bytes` of it; the camera, the picture's size and the
+    /// vertical exaggeration say what is wanted.
     pub fn tick(
         &mut self,
         gpu: &Gpu,
@@ -222,6 +222,7 @@ impl Data {
         size: [u32; 2],
         z_scale: f64,
         lit: bool,
+        upload_bytes: u64,
     ) -> anyhow::Result<Tick> {
         let mut tick = Tick::default();
         let news: Vec<_> = self.watch.iter().flat_map(Watch::news).collect();
@@ -267,7 +268,7 @@ impl Data {
             let bounds = about.bounds;
             let floor = bounds.min.z - if lit { 0.1 * (bounds.max - bounds.min).max_element() } else { 1e6 };
             let sight = sight(camera, size, [z_scale, pivot], floor, 1.0)?;
-            let now = live.tick(scene, &sight, FRAME_BYTES)?;
+            let now = live.tick(scene, &sight, upload_bytes)?;
             scene.flush()?;
             tick.changed |= now.changed;
             tick.is_busy = scene.is_busy();

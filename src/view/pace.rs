@@ -30,12 +30,23 @@ impl Pace {
         }
     }
 
-    /// Size of the picture while things move, for one of `full` at rest.
-    pub fn coarse(&self, full: [u32; 2]) -> [u32; 2] {
+    /// Share of the width and height of a picture of `full` pixels that is traced while things move.
+    fn share(&self, full: [u32; 2]) -> f64 {
         let pixels = f64::from(full[0]) * f64::from(full[1]);
         let share = (FRAME_MS / (self.ms_per_pixel * pixels)).sqrt();
-        let share = ((share * STEPS).floor() / STEPS).clamp(COARSEST, 1.0);
+        ((share * STEPS).floor() / STEPS).clamp(COARSEST, 1.0)
+    }
+
+    /// Size of the picture while things move, for one of `full` at rest.
+    pub fn coarse(&self, full: [u32; 2]) -> [u32; 2] {
+        let share = self.share(full);
         full.map(|side| ((f64::from(side) * share).round() as u32).max(1))
+    }
+
+    /// Bytes of sections to upload in a frame while things move, for `most` at rest: what is derived of them takes the
+    /// device's time from the picture.
+    pub fn upload_bytes(&self, full: [u32; 2], most: u64) -> u64 {
+        (most as f64 * self.share(full).powi(2)) as u64
     }
 
     /// Rows of a picture `width` pixels wide that a frame may trace.
@@ -69,6 +80,13 @@ impl Rest {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn slow_devices_are_given_less_at_a_time() {
+        let full = [1920, 1080];
+        assert_eq!(Pace::new(false).upload_bytes(full, 4 << 20), 4 << 20);
+        assert_eq!(Pace::new(true).upload_bytes(full, 4 << 20), 4 << 16);
+    }
 
     #[test]
     fn a_third_of_the_time_is_for_frames_of_arriving_data() {

@@ -8,6 +8,7 @@ use super::{LATER, Options, PATIENCE, PROGRESS, Question, SAMPLES, SOON, Viewer,
 use crate::attribute::{ColorMode, ColorTable};
 use crate::render::camera::Camera;
 use crate::render::frame::{Background, Renderer, Shade, Traversal, View, check_size};
+use crate::stream::live::FRAME_BYTES;
 use egui::{Color32, FontId, Rect};
 use std::ffi::OsString;
 use std::time::{Duration, Instant};
@@ -102,12 +103,17 @@ impl Viewer {
     }
 
     fn take_data(&mut self) -> anyhow::Result<()> {
+        let upload_bytes = match self.is_urgent {
+            true => self.pace.upload_bytes(self.place.size, FRAME_BYTES),
+            false => FRAME_BYTES,
+        };
         let tick = self.data.tick(
             &self.gpu,
             &self.camera,
             self.place.size,
             self.settings.z_scale,
             self.settings.shade == Shade::Lit,
+            upload_bytes,
         )?;
         self.has_news |= tick.changed;
         self.is_busy = tick.is_busy;

@@ -10,6 +10,7 @@ use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::Renderer;
 use lasray::render::image::Image;
 use lasray::source::placement::PlacementOptions;
+use lasray::stream::live::FRAME_BYTES;
 use lasray::view;
 use std::fs;
 use std::path::PathBuf;
@@ -42,7 +43,7 @@ impl Seen {
     fn until(&mut self, done: impl Fn(&view::data::Data) -> bool) {
         let start = Instant::now();
         loop {
-            self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true).unwrap();
+            self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true, FRAME_BYTES).unwrap();
             if self.data.is_complete() && self.data.about().is_some() && done(&self.data) {
                 return;
             }
