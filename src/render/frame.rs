@@ -702,7 +702,7 @@ impl Renderer {
         // A window's picture is now coarse, now fine: what is large enough is kept.
         let kept = self.target.as_ref().is_some_and(|t| if band.whole { fits(t) } else { t.size == size });
         if !kept {
-            self.target = None;
+            (self.target, self.beamed) = (None, None);
             let device = |name, bytes| Buffer::new(gpu, name, MemoryKind::Device, bytes);
             self.target = Some(Target {
                 size,
