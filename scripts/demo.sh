@@ -7,5 +7,6 @@ cd "$(dirname "$0")/.."
 # shellcheck disable=SC2046 # one word a package
 install $(missing_to_render)
 install_rust
+echo "building, which takes some minutes at first" >&2
 cargo run --release --locked --quiet -- render --demo -o demo.png "$@"
 echo "demo.png is ready"

@@ -17,7 +17,7 @@ use crate::stream::builds::OpenInput;
 use crate::stream::workers::{Input, Progress, read_all};
 use crate::synth;
 use glam::DVec3;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -69,7 +69,9 @@ pub enum LoadError {
     TooWide(f64),
     /// Even the coarsest cells do not fit.
     #[error(
-        "the sections do not fit {host} bytes of host and {device} bytes of device memory at any cell size"
+        "the sections do not fit {} of host and {} of device memory at any cell size",
+        HumanBytes(*host),
+        HumanBytes(*device)
     )]
     Budget {
         /// Host budget, bytes.

@@ -565,7 +565,7 @@ fn wrong_arguments() {
     cases.push(Case::arguments(
         &["--device-memory", "1"],
         1,
-        &["do not fit 2147483648 bytes of host and 1 bytes of device memory"],
+        &["do not fit 2.00 GiB of host and 1 B of device memory"],
     ));
     try_all(cases);
 }

@@ -275,7 +275,10 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
 
 pub(super) fn classes(text: &str) -> Result<ClassList, String> {
     let class = |s: &str| {
-        let value: u32 = s.trim().parse().map_err(|_| format!("'{s}' is not a class"))?;
+        let value: u32 = s
+            .trim()
+            .parse()
+            .map_err(|_| format!("'{s}' is not a class: those are numbers, such as 3,4,5"))?;
         u8::try_from(value).map_err(|_| format!("class {value} is out of range: classes are 0 to 255"))
     };
     let mut list = Vec::new();

@@ -44,6 +44,8 @@ use winit::window::{Window, WindowId};
 
 /// Frames that may be under way at once: the scene's order has as many.
 const FRAMES_IN_FLIGHT: usize = 2;
+/// Why there is none, mostly.
+const NO_WINDOW: &str = "no window can be opened: is there a display? (lasray render needs none)";
 /// Samples that a resting picture adds up.
 const SAMPLES: u32 = 16;
 /// Views that Backspace goes back through.
@@ -104,7 +106,7 @@ enum Wake {
 /// Opens the window and runs it to its end.
 pub fn run(options: Options) -> anyhow::Result<()> {
     let started = Instant::now();
-    let events = EventLoop::<Wake>::with_user_event().build().context("no window can be opened")?;
+    let events = EventLoop::<Wake>::with_user_event().build().context(NO_WINDOW)?;
     let proxy = events.create_proxy();
     let quit = proxy.clone();
     // The loop may be gone already.
@@ -309,7 +311,7 @@ impl Viewer {
             .with_title(title(&options.inputs))
             .with_inner_size(winit::dpi::LogicalSize::new(width, height))
             .with_min_inner_size(winit::dpi::LogicalSize::new(480, 320));
-        let window = Arc::new(events.create_window(attributes).context("no window can be opened")?);
+        let window = Arc::new(events.create_window(attributes).context(NO_WINDOW)?);
         let gpu = Gpu::for_window(&options.gpu, &window)?;
         let pixels: [u32; 2] = window.inner_size().into();
         let swapchain = Swapchain::new(&gpu, window.clone(), pixels, FRAMES_IN_FLIGHT)?;

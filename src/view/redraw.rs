@@ -185,6 +185,8 @@ impl Viewer {
         // A picture that is being saved stays as it was begun.
         if self.saving.is_none() {
             self.has_news |= self.apply_settings()?;
+        } else if !self.is_applied() && self.notice.is_none() {
+            self.notify("The picture is being saved: the change comes after it");
         }
 
         let has_news = std::mem::take(&mut self.has_news);
@@ -328,6 +330,9 @@ impl Viewer {
     /// What is going on, in short.
     fn state(&self, status: &Status) -> String {
         let samples = self.screen.samples();
+        if let Some(saving) = &self.saving {
+            return format!("saving {} of {SAMPLES}", saving.samples());
+        }
         match () {
             _ if !status.is_complete && status.points > 0 && status.points_decoded < status.points => {
                 let share = status.points_decoded as f64 / status.points as f64 * 100.0;
@@ -337,6 +342,12 @@ impl Viewer {
             _ if self.is_coarse || samples < SAMPLES => format!("refining {samples} of {SAMPLES}"),
             _ => format!("{} points", panel::short(status.points_decoded)),
         }
+    }
+
+    /// Whether scene and colours are what the settings say.
+    fn is_applied(&self) -> bool {
+        self.data.scene().visibility() == self.settings.visibility
+            && self.colors.as_ref().is_none_or(|(of, _)| *of == self.settings.color)
     }
 
     /// Makes the scene and the colours what the settings say; whether they were not.

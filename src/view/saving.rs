@@ -50,6 +50,11 @@ impl Saving {
         Ok(self.copied.is_some())
     }
 
+    /// Samples that are whole.
+    pub fn samples(&self) -> u32 {
+        self.screen.samples()
+    }
+
     /// Tells that frame `slot` was submitted.
     pub fn submitted(&mut self, slot: usize, point: SyncPoint) {
         self.screen.submitted(slot, point);
