@@ -237,8 +237,8 @@ impl Builds {
 
     /// Another file in the place of one, and under its number; shown if that was.
     pub fn replace(&mut self, source: usize, input: OpenInput) {
-        // What it touched, and what it touches now.
-        self.changed(source);
+        // What it touched, and below what it touches now; in between nothing is begun that lacks its old chunks.
+        self.drop_touched(source);
         let of_old = self.chunks_of(source);
         let fits = input.input.file.chunks.len() <= of_old.len();
         let first = if fits { of_old.start } else { self.chunks.len() as u32 };
@@ -310,12 +310,17 @@ impl Builds {
 
     /// Sections that a file touches are to be made anew.
     fn changed(&mut self, source: usize) {
+        self.drop_touched(source);
+        self.admit();
+    }
+
+    /// No section that a file touches is being made any more.
+    fn drop_touched(&mut self, source: usize) {
         self.change += 1;
         let touched: Vec<_> = self.builds.keys().copied().filter(|&key| self.touches(source, key)).collect();
         touched.into_iter().for_each(|key| self.drop_build(key));
         let out = std::mem::take(&mut self.out);
         self.out = out.into_iter().filter(|&key| !self.touches(source, key)).collect();
-        self.admit();
     }
 
     /// Whether a file may have points in a section.

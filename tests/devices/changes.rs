@@ -2,15 +2,19 @@
 
 use super::SIZE;
 use super::common::{self, LAVAPIPE};
-use super::live::tiles;
+use super::live::{self, PLENTY, World, tiles};
 use super::scene::{self, BRIDGED};
 use lasray::attribute::{ColorMode, ColorTable};
 use lasray::gpu::Gpu;
+use lasray::load;
+use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::Renderer;
 use lasray::render::image::Image;
+use lasray::source::LidarFile;
 use lasray::source::placement::PlacementOptions;
 use lasray::stream::live::FRAME_BYTES;
+use lasray::stream::pool::Access;
 use lasray::view;
 use std::fs;
 use std::path::PathBuf;
@@ -117,6 +121,34 @@ fn files_that_change_are_seen_as_they_are() {
         let status = seen.data.status();
         assert_eq!((status.points_decoded, status.frames_waited), (status.points, 0));
         assert_eq!(seen.gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn a_file_may_change_while_it_is_being_read() {
+    common::run("changes::a_file_may_change_while_it_is_being_read", LAVAPIPE, |setup| {
+        let folder = tempfile::tempdir().unwrap();
+        let town = |name: &str, west: f64, side: f64| scene::town(folder.path(), name, [west, -60.0], side);
+        let paths = [town("a.las", -120.0, 60.0), town("b.las", 0.0, 60.0), town("c.laz", 60.0, 100.0)];
+        let open = |paths: &[PathBuf]| load::open(paths, &live::options(), &mut Problems::default()).unwrap();
+        let gpu = setup.gpu();
+        let mut world = World::of(&gpu, open(&paths[..2]), PLENTY, Access::Address, BRIDGED());
+        let camera =
+            Camera::orbit(world.bounds.center(), [20.0, 50.0], 300.0, Projection::default()).unwrap();
+        let sight = world.sight(&camera, 1.0);
+        world.live.pause(true);
+        world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
+        // All that is wanted of the first is begun now. In its place comes one that lies elsewhere, and has more chunks.
+        let core = open(&paths).core;
+        let other = open(&paths[2..]).inputs.pop().unwrap();
+        world.live.replace_files(vec![(0, other)], core);
+        world.live.pause(false);
+        let status = world.complete(&sight);
+        let chunks = [&paths[1], &paths[2]].map(|path| LidarFile::open(path).unwrap().chunks.len() as u64);
+        assert_eq!((status.progress.lacking, status.progress.chunks), (0, chunks[0] + chunks[1]));
+        assert_eq!((status.progress.chunks_known, status.damaged), (status.progress.chunks, 0));
+        assert_eq!(world.live.take_errors(), [""; 0]);
+        assert_eq!(gpu.messages(), [""; 0]);
     });
 }
 
