@@ -10,6 +10,7 @@ pub mod command;
 pub mod coords;
 pub mod gpu;
 pub mod load;
+pub mod output;
 pub mod problems;
 pub mod render;
 pub mod sample;

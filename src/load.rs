@@ -11,14 +11,13 @@ use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::Cache;
 use crate::source::placement::{KnownWorld, Placement, PlacementNote, PlacementOptions};
-use crate::source::{LidarFile, crs::Crs, crs::Unit, inputs};
+use crate::source::{LidarFile, crs::Crs, crs::Unit};
 use crate::stream::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::stream::builds::OpenInput;
 use crate::stream::workers::{Input, Progress, read_all};
 use crate::synth;
 use glam::DVec3;
 use indicatif::{HumanBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -153,18 +152,7 @@ pub fn bar(total: u64, quiet: bool, template: &str) -> ProgressBar {
     bar
 }
 
-/// Opens and reads the files that `inputs` name. Problems are added even when this fails.
-pub fn files(
-    inputs: &[OsString],
-    options: &LoadOptions,
-    problems: &mut Problems,
-) -> Result<Loaded, LoadError> {
-    let found = inputs::expand(inputs);
-    found.failed.iter().for_each(|error| problems.error(error));
-    paths(&found.files, options, problems)
-}
-
-/// Opens and reads `paths`.
+/// Opens and reads `paths`. Problems are added even when this fails.
 pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
     let Opening { inputs, grid, core, about } = open(paths, options, problems)?;
     let bins = Bins::new(grid, core, options.budget);
@@ -201,7 +189,9 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         let path = file.path().display();
         file.warnings.iter().for_each(|warning| problems.warn(format!("{path}: {warning}")));
         crs_errors.iter().for_each(|error| problems.warn(format!("{path}: {error}")));
-        problems.failed |= file.points() < file.header.claimed_points;
+        if file.points() < file.header.claimed_points {
+            problems.lost(file.path());
+        }
         if file.header.claimed_points == 0 && file.points() == 0 {
             problems.warn(format!("{path}: holds no points"));
         }

@@ -3,6 +3,7 @@
 use clap::Parser;
 use lasray::cli::{self, Cli, Command};
 use lasray::command::{self, Outcome, UsageError};
+use lasray::problems::Problems;
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
@@ -16,22 +17,35 @@ fn main() -> ExitCode {
     let cli = Cli::parse_from(cli::words(std::env::args_os()));
     let filter = EnvFilter::try_from_env("LASRAY_LOG").unwrap_or_else(|_| EnvFilter::new("error"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
+    let problems = &mut Problems::default();
+    let mut has_strict = true;
     let result = match cli.command {
         #[cfg(feature = "view")]
-        Command::View(args) => command::view::run(*args),
-        Command::Render(args) => command::render::run(*args),
-        Command::Bench(args) => command::bench::run(*args),
-        Command::Info(args) => command::info::run(args),
+        Command::View(args) => {
+            has_strict = false;
+            command::view::run(*args, problems)
+        }
+        Command::Render(args) => command::render::run(*args, problems),
+        Command::Bench(args) => {
+            has_strict = false;
+            command::bench::run(*args, problems)
+        }
+        Command::Info(args) => command::info::run(args, problems),
         Command::Synth(args) => command::synth::run(args).map(|()| Outcome::Done),
     };
-    match result {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::Incomplete) => ExitCode::from(FAILED),
+    let (code, is_error) = match result {
+        Ok(Outcome::Done) => (0, false),
+        Ok(Outcome::Incomplete) => (FAILED, true),
         Err(error) => {
             // Messages hold their causes already.
             eprintln!("lasray: {error}");
             let usage = error.is::<UsageError>() || error.is::<command::synth::PlanError>();
-            ExitCode::from(if usage { USAGE } else { FAILED })
+            (if usage { USAGE } else { FAILED }, true)
         }
+    };
+    if let Some(count) = problems.count() {
+        let strict = if has_strict && !is_error { "; --strict makes that an error" } else { "" };
+        eprintln!("{count}{strict}");
     }
+    ExitCode::from(code)
 }

@@ -1,12 +1,11 @@
 //! A report as a drawing: stacked bars, like Figure 4.6 of the thesis, as SVG.
 
 use super::report::{Pipeline, Report, number};
-use crate::render::whole_file::write_whole;
+use crate::output::SOFTWARE;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::error::Error;
-use std::io::{self, Write as _};
-use std::path::Path;
+use std::io;
 
 /// Width of a drawing, pixels.
 const WIDTH: i32 = 1000;
@@ -35,14 +34,6 @@ type Bar = Option<[f64; 3]>;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 type Drawn = Result<(), Box<dyn Error + Send + Sync>>;
-
-/// Writes `report` as SVG, whole or not at all.
-///
-/// Errors: no frame was measured; the system refuses.
-pub fn write(report: &Report, path: &Path) -> io::Result<()> {
-    let text = svg(report)?;
-    write_whole(path, |out| out.write_all(text.as_bytes()))
-}
 
 /// `report` as SVG: for each configuration the means over the paths, both pipelines beside each other, and, if
 /// both are there, the pool again at a scale of its own.
@@ -75,6 +66,9 @@ pub fn svg(report: &Report) -> io::Result<String> {
         };
         draw().map_err(io::Error::other)?;
     }
+    // Behind the first tag: a comment before it would not be SVG to everyone.
+    let first = text.find('>').map_or(0, |at| at + 1);
+    text.insert_str(first, &format!("\n<!-- {SOFTWARE} -->"));
     Ok(text)
 }
 

@@ -1,11 +1,10 @@
 //! What a benchmark found: as JSON for programs, as tables for people.
 
-use crate::render::whole_file::write_whole;
+use crate::output::Signed;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::ser::{Formatter, PrettyFormatter};
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
-use std::path::Path;
 
 /// Commit that this program was built from, with `-dirty` where files were changed; `unknown` in a debug build and in
 /// one from a package.
@@ -524,12 +523,13 @@ impl Report {
         self.ratios = ratios.filter(|r| !r.paths.is_empty()).collect();
     }
 
-    /// Writes JSON, whole or not at all. What is not finite becomes null.
-    pub fn write(&self, path: &Path) -> io::Result<()> {
-        write_whole(path, |out| {
-            self.serialize(&mut serde_json::Serializer::with_formatter(&mut *out, Lines::default()))?;
-            writeln!(out)
-        })
+    /// As JSON. What is not finite becomes null.
+    pub fn json(&self) -> io::Result<String> {
+        let mut out = Vec::new();
+        Signed::new(self)
+            .serialize(&mut serde_json::Serializer::with_formatter(&mut out, Lines::default()))?;
+        out.push(b'\n');
+        String::from_utf8(out).map_err(io::Error::other)
     }
 
     /// Grid and levels of all rows, each once, in order.
@@ -1069,11 +1069,9 @@ pub(super) mod tests {
     #[test]
     fn json_comes_back() {
         let mut report = example();
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.json");
         report.rows[0].ns_per_step = Some(f64::INFINITY);
-        report.write(&file).unwrap();
-        let text = std::fs::read_to_string(&file).unwrap();
+        let text = report.json().unwrap();
+        assert!(crate::output::is_ours(text.as_bytes()));
         let json: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert_eq!(json["rows"][0]["pipeline"], "thesis");
         assert_eq!(json["rows"][0]["trace_ms"]["samples"].as_array().unwrap().len(), 3);

@@ -2,7 +2,7 @@
 
 use super::render::{bytes, positive, size, usage_of_load};
 use super::synth::count;
-use super::{Outcome, UsageError};
+use super::{Outcome, UsageError, check_targets};
 use crate::attribute::{ClassMask, ColorTable};
 use crate::bench::frames::{self, Options, PoolRun, Stopped, ThesisRun};
 use crate::bench::ingest::{self, IngestOptions};
@@ -15,11 +15,12 @@ use crate::bench::{self, FrameTimes, plot};
 use crate::coords::SECTION_SIDE;
 use crate::gpu::{Gpu, GpuError, GpuOptions};
 use crate::load::{self, LoadOptions};
+use crate::output::{Protected, Target, print};
 use crate::problems::Problems;
 use crate::render::frame::{FrameError, Shade, check_size};
 use crate::render::path::{CameraPath, PathKind};
 use crate::source::crs::Unit;
-use crate::source::inputs;
+use crate::source::inputs::{self, Inputs};
 use crate::source::placement::{Placement, PlacementOptions};
 use crate::stream::bins::Budget;
 use crate::stream::scene::Visibility;
@@ -150,12 +151,12 @@ pub struct Args {
     #[arg(long, help_heading = "Data", value_name = "UNIT")]
     z_unit: Option<Unit>,
 
-    /// Write all figures
+    /// Write all figures there, - for standard output; the tables go to standard error then, with --quiet nowhere
     #[arg(long, help_heading = "Output", value_name = "FILE")]
-    json: Option<PathBuf>,
-    /// Draw the frames' times as bars
+    json: Option<Target>,
+    /// Draw the frames' times as bars; - as for --json
     #[arg(long, help_heading = "Output", value_name = "FILE.svg")]
-    plot: Option<PathBuf>,
+    plot: Option<Target>,
     /// No progress
     #[arg(short, long, help_heading = "Output")]
     quiet: bool,
@@ -213,7 +214,7 @@ fn config(text: &str) -> Result<Config, String> {
 static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Measures.
-pub fn run(args: Args) -> anyhow::Result<Outcome> {
+pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let usage = |e: &dyn std::fmt::Display| anyhow::Error::from(UsageError(e.to_string()));
     let files = args.path.iter().map(|file| {
         let path = CameraPath::read(file).map_err(|e| usage(&e))?;
@@ -222,12 +223,11 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         Ok(path.named(name))
     });
     let files = files.collect::<anyhow::Result<Vec<_>>>()?;
-    for file in args.json.iter().chain(&args.plot) {
-        let folder = file.parent().filter(|f| !f.as_os_str().is_empty());
-        if file.is_dir() || folder.is_some_and(|f| !f.is_dir()) {
-            return Err(usage(&format!("{}: cannot be written there", file.display())));
-        }
-    }
+    let found = inputs::expand(&args.inputs);
+    let mut protected = Protected::of(&found);
+    args.path.iter().for_each(|path| protected.add(path));
+    let json = args.json.iter().map(|to| ("--json", to));
+    check_targets(&protected, [], json.chain(args.plot.iter().map(|to| ("--plot", to))))?;
     if args.peer && cfg!(not(feature = "embree")) {
         return Err(usage(&"--peer: this build is without Embree (cargo build --features embree)"));
     }
@@ -272,7 +272,8 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         "host_memory": args.stream.then_some(args.host_memory),
     });
     let mut report = Report::new(&gpu.info().name, &gpu.info().driver, settings);
-    let mut harness = Harness { args: &args, size, gpu: &gpu, report: &mut report };
+    problems.look_at(&found);
+    let mut harness = Harness { args: &args, found: &found, size, gpu: &gpu, report: &mut report, problems };
     let mut result = Ok(());
     if draws {
         result = harness.frames(files.clone());
@@ -295,14 +296,23 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
     }
     // What was measured before an error is worth its file.
     report.compare();
-    print!("{}", report.table());
-    if let Some(file) = &args.json {
-        report.write(file).with_context(|| file.display().to_string())?;
+    if let Err(error) = &result {
+        problems.blame(&error.to_string());
     }
-    if let Some(file) = &args.plot
+    // What no part has printed.
+    let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
+    match [&args.json, &args.plot].contains(&&Some(Target::Stdout)) {
+        true if args.quiet => {}
+        true => eprint!("{}", report.table()),
+        false => print(&report.table()).context("cannot write to standard output")?,
+    }
+    if let Some(to) = &args.json {
+        to.write(&report.json()?, &protected)?;
+    }
+    if let Some(to) = &args.plot
         && (result.is_ok() || !report.rows.is_empty())
     {
-        plot::write(&report, file).map_err(|e| anyhow::anyhow!("{}: {e}", file.display()))?;
+        to.write(&plot::svg(&report)?, &protected)?;
     }
     result?;
     let waits: u64 = report.stream.iter().map(|row| row.waits).sum();
@@ -342,13 +352,17 @@ fn town(args: &Args, cell: f64, widest: f64, problems: &mut Problems) -> anyhow:
 }
 
 /// What the inputs hold, or a town, in cells of `cell`.
-fn world(args: &Args, cell: f64, widest: f64) -> anyhow::Result<(World, Placement)> {
-    let mut problems = Problems::default();
+fn world(
+    args: &Args,
+    found: &Inputs,
+    [cell, widest]: [f64; 2],
+    problems: &mut Problems,
+) -> anyhow::Result<(World, Placement)> {
     let loaded = if args.inputs.is_empty() {
-        town(args, cell, widest, &mut problems)
+        town(args, cell, widest, problems)
     } else {
         let options = LoadOptions { cell: Some(cell), ..load_options(args) };
-        load::files(&args.inputs, &options, &mut problems).map_err(usage_of_load)
+        load::paths(&found.files, &options, problems).map_err(usage_of_load)
     };
     let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
     let loaded = loaded?;
@@ -371,9 +385,11 @@ fn too_large(error: &anyhow::Error) -> bool {
 /// What is run, and where it is written down.
 struct Harness<'a> {
     args: &'a Args,
+    found: &'a Inputs,
     size: [u32; 2],
     gpu: &'a Gpu,
     report: &'a mut Report,
+    problems: &'a mut Problems,
 }
 
 impl Harness<'_> {
@@ -381,6 +397,10 @@ impl Harness<'_> {
         if !self.args.quiet {
             eprintln!("{what}");
         }
+    }
+
+    fn world(&mut self, cell: f64, widest: f64) -> anyhow::Result<(World, Placement)> {
+        world(self.args, self.found, [cell, widest], self.problems)
     }
 
     /// Both pipelines along all paths.
@@ -395,7 +415,7 @@ impl Harness<'_> {
             [] if files.is_empty() => PathKind::ALL.to_vec(),
             chosen => chosen.to_vec(),
         };
-        let (world, placement) = world(args, args.cell, args.cell)?;
+        let (world, placement) = self.world(args.cell, args.cell)?;
         let [width, depth] = world.cells();
         self.say(format_args!("{width} x {depth} cells, repeated without end"));
         let files = files.into_iter().map(|path| {
@@ -495,10 +515,9 @@ impl Harness<'_> {
 
     /// The inputs one by one.
     fn files(&self) -> anyhow::Result<Vec<PathBuf>> {
-        let found = inputs::expand(&self.args.inputs);
-        match found.failed.first() {
-            Some(error) => anyhow::bail!("{error}"),
-            None => Ok(found.files),
+        match self.found.failed.first() {
+            Some(_) => anyhow::bail!("an input cannot be used: files are timed all or none"),
+            None => Ok(self.found.files.clone()),
         }
     }
 
@@ -535,9 +554,8 @@ impl Harness<'_> {
             }
         }
         for (name, inputs) in data {
-            let mut problems = Problems::default();
-            let case = stream::Case::open(self.gpu, name, inputs, &options, &mut problems);
-            let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
+            let case = stream::Case::open(self.gpu, name, inputs, &options, self.problems);
+            let _ = self.problems.finish(!args.quiet, &mut std::io::stderr().lock());
             let mut case = case.map_err(|error| match error.downcast() {
                 Ok(error) => usage_of_load(error),
                 Err(error) => error,
@@ -596,7 +614,7 @@ impl Harness<'_> {
         let options = Options { size: self.size, frames: frames.div_ceil(SCALING_ROUNDS), stop: &STOP };
         let mut sides = Vec::new();
         for (config, cell) in [(coarse, 2.0 * args.cell), (fine, args.cell)] {
-            let (world, _) = world(args, cell, 2.0 * args.cell)?;
+            let (world, _) = self.world(cell, 2.0 * args.cell)?;
             sides.push((world, config, self.thesis(config)?));
         }
         let stage = frames::stage(&sides[0].0, coarse);
@@ -670,7 +688,7 @@ impl Harness<'_> {
     #[cfg(feature = "embree")]
     fn peer(&mut self) -> anyhow::Result<()> {
         let args = self.args;
-        let (world, _) = world(args, args.cell, args.cell)?;
+        let (world, _) = self.world(args.cell, args.cell)?;
         let size = args.size.unwrap_or(PEER_SIZE);
         check_size(self.gpu, size)?;
         let mut say = |what: &str| self.say(format_args!("{what}"));

@@ -3,17 +3,18 @@
 mod scan;
 mod text;
 
-use super::Outcome;
+use super::{Outcome, check_targets};
 use crate::attribute::ColorMode;
 use crate::gpu::{DeviceInfo, list_devices};
+use crate::output::{Protected, Signed, Target, print};
+use crate::problems::Problems;
 use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
 use crate::source::crs::{Crs, CrsKind, Unit};
-use crate::source::inputs;
+use crate::source::inputs::{self, Inputs};
 use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
 use anyhow::Context;
 use scan::Scan;
 use serde::Serialize;
-use std::io::Write;
 use std::path::PathBuf;
 
 /// Arguments of `lasray info`.
@@ -28,9 +29,9 @@ pub struct Args {
     /// Read every point: classes, ranges of all attributes, true bounds
     #[arg(long)]
     scan: bool,
-    /// Machine-readable output
-    #[arg(long)]
-    json: bool,
+    /// Write all of it there, for programs; -: to standard output, in the place of the page for people
+    #[arg(long, value_name = "FILE")]
+    json: Option<Target>,
     /// Unit of heights, whatever the files say: m, ft or us-ft
     #[arg(long, value_name = "UNIT")]
     z_unit: Option<Unit>,
@@ -75,15 +76,15 @@ impl DeviceReport<'_> {
     }
 }
 
-fn json(value: &impl Serialize) -> anyhow::Result<String> {
-    Ok(serde_json::to_string_pretty(value).context("cannot write JSON")? + "\n")
-}
-
-/// To standard output; `lasray info … | head` is no failure.
-fn print(page: &str) -> anyhow::Result<()> {
-    match std::io::stdout().lock().write_all(page.as_bytes()) {
-        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
-        written => written.context("cannot write to standard output"),
+/// The page for people on standard output, and all of it where `--json` says, which may take its place.
+fn tell(args: &Args, page: &str, all: &impl Serialize, protected: &Protected) -> anyhow::Result<()> {
+    if let Some(to) = &args.json {
+        let text = serde_json::to_string_pretty(all).context("cannot write JSON")? + "\n";
+        to.write(&text, protected)?;
+    }
+    match args.json {
+        Some(Target::Stdout) => Ok(()),
+        _ => print(page).context("cannot write to standard output"),
     }
 }
 
@@ -204,31 +205,37 @@ impl From<&Crs> for CrsReport {
 
 /// Runs `lasray info`. [`Outcome::Incomplete`] where nothing could be read, or an input failed with
 /// `--strict`.
-pub fn run(args: Args) -> anyhow::Result<Outcome> {
+pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
+    let found = inputs::expand(&args.inputs);
+    let protected = Protected::of(&found);
+    check_targets(&protected, [], args.json.iter().map(|to| ("--json", to)))?;
     if args.devices {
         let devices = list_devices()?;
-        let page = match args.json {
-            true => json(&devices.iter().map(DeviceReport::of).collect::<Vec<_>>())?,
-            false => devices.iter().map(|device| format!("{device}\n")).collect(),
-        };
-        print(&page)?;
+        let page: String = devices.iter().map(|device| format!("{device}\n")).collect();
+        let all: Vec<_> = devices.iter().map(DeviceReport::of).map(Signed::new).collect();
+        tell(&args, &page, &all, &protected)?;
         return Ok(Outcome::Done);
     }
-    let report = gather(&args);
-    print(&if args.json { json(&report)? } else { text::page(&report) })?;
-    let damaged = report.files.iter().any(FileReport::is_damaged);
-    let failed = args.strict && (damaged || !report.failed.is_empty());
+    let report = gather(&args, &found, problems);
+    // A closed stderr is nothing to stop for.
+    let _ = problems.finish(false, &mut std::io::stderr().lock());
+    tell(&args, &text::page(&report), &Signed::new(&report), &protected)?;
+    let failed = args.strict && problems.failed;
     Ok(if failed || report.files.is_empty() { Outcome::Incomplete } else { Outcome::Done })
 }
 
-fn gather(args: &Args) -> Report {
-    let found = inputs::expand(&args.inputs);
+/// What is missing, in whole or in part, goes to `problems`, too.
+fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Report {
+    problems.look_at(found);
     let mut failed: Vec<String> = found.failed.iter().map(ToString::to_string).collect();
     let mut files = Vec::new();
     for opened in sample::open_all(&found.files) {
         match opened {
             Ok(opened) => files.push(opened),
-            Err(error) => failed.push(error.to_string()),
+            Err(error) => {
+                problems.error(&error);
+                failed.push(error.to_string());
+            }
         }
     }
     let options = PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None };
@@ -245,7 +252,22 @@ fn gather(args: &Args) -> Report {
         // A scan meets it again, and says how many points are lost.
         reports[*index].unreadable = true;
         if reports[*index].scan.is_none() {
+            problems.error(problem);
             reports[*index].warnings.push(problem.to_string());
+        }
+    }
+    for note in &sample.world.notes {
+        if let (PlacementNote::LeftOut { .. }, Some(file)) = (note, note.file()) {
+            problems.error(format!("{}: {note}", reports[file].path));
+        }
+    }
+    for (report, opened) in reports.iter().zip(&files) {
+        let damage = report.scan.iter().flat_map(|scan| &scan.damage);
+        damage.for_each(|damage| problems.error(damage));
+        if report.is_damaged() {
+            let (path, warnings) = (&report.path, &opened.file.warnings);
+            warnings.iter().for_each(|warning| problems.warn(format!("{path}: {warning}")));
+            problems.lost(opened.file.path());
         }
     }
     let all = total(&files, &sample, &reports);
@@ -355,7 +377,8 @@ mod tests {
 
     fn report(words: &[&Path], options: &[&str]) -> Report {
         let words = words.iter().map(|path| path.to_str().unwrap()).chain(options.iter().copied());
-        gather(&Cli::parse_from(["info", "--quiet"].into_iter().chain(words)).args)
+        let args = Cli::parse_from(["info", "--quiet"].into_iter().chain(words)).args;
+        gather(&args, &inputs::expand(&args.inputs), &mut Problems::default())
     }
 
     fn town(path: &Path, corner: [f64; 2], points: u64, compress: bool) {
@@ -395,9 +418,7 @@ mod tests {
         assert!((5.0..25.0).contains(&all.density), "{}", all.density);
 
         let page = text::page(&report);
-        for part in
-            ["all 2 files", "point format 7, LAZ", "points       30,000 in 1 chunk", "gone.laz: no such"]
-        {
+        for part in ["all 2 files", "point format 7, LAZ", "points       30,000 in 1 chunk"] {
             assert!(page.contains(part), "{part} is not in\n{page}");
         }
         let json = serde_json::to_value(&report).unwrap();

@@ -2,21 +2,21 @@
 
 mod frames;
 
-use super::{Outcome, UsageError};
+use super::{Outcome, UsageError, check_targets};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
 use crate::coords::{Height, SectionKey, tidy};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Order};
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
+use crate::output::{self, Output, Protected, Signed, Target};
 use crate::problems::Problems;
 use crate::render::camera::{Bounds, Camera, DEFAULT_FOV, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, View, check_size};
-use crate::render::image::{Format, Image, WorldFile, write_prj_beside};
+use crate::render::image::{Format, Image, SideFiles, WorldFile};
 use crate::render::path::CameraPath;
 use crate::render::sight::sight;
-use crate::render::whole_file::write_whole;
 use crate::section::{Columns, Packed};
-use crate::source::crs::Unit;
-use crate::source::inputs;
+use crate::source::crs::{Crs, Unit};
+use crate::source::inputs::{self, Inputs};
 use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::{Budget, Core};
@@ -30,7 +30,6 @@ use frames::Pattern;
 use glam::DVec3;
 use std::collections::HashSet;
 use std::ffi::OsString;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -141,9 +140,9 @@ pub struct Args {
     /// When to draw: when all that the picture needs is there, or as soon as there is something to see
     #[arg(long, value_enum, default_value = "complete", conflicts_with = "demo", help_heading = "Data")]
     wait: Wait,
-    /// Write what each picture took there: sections, bytes read, memory, detail
+    /// Write what each picture took there, - for standard output: sections, bytes read, memory, detail
     #[arg(long, conflicts_with_all = ["demo", "each"], help_heading = "Data", value_name = "FILE")]
-    json: Option<PathBuf>,
+    json: Option<Target>,
     /// Neither use nor keep what was learned of files in the user's cache folder
     #[arg(long, help_heading = "Data")]
     no_cache: bool,
@@ -324,13 +323,21 @@ fn device_budget(gpu: &Gpu, args: &Args) -> u64 {
 }
 
 /// Draws.
-pub fn run(args: Args) -> anyhow::Result<Outcome> {
-    let mut problems = Problems::default();
+pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     check_output(&args.output, args.each)?;
     let film = args.path.as_deref().map(|path| Film::new(path, &args)).transpose()?;
     if let (Some(eye), Some(target)) = (args.eye, args.target) {
         Camera::look_at(eye, target, Projection::default()).map_err(|e| UsageError(e.to_string()))?;
     }
+    let found = inputs::expand(&args.inputs);
+    let mut protected = Protected::of(&found);
+    args.path.iter().for_each(|path| protected.add(path));
+    let pictures: Box<dyn Iterator<Item = PathBuf>> = match &film {
+        Some(film) => Box::new((0..film.frames.len() as u32).map(|number| film.pattern.file(number))),
+        None if args.each => Box::new(found.files.iter().map(|path| each_output(&args.output, path))),
+        None => Box::new(std::iter::once(args.output.clone())),
+    };
+    check_targets(&protected, pictures.map(|path| ("-o", path)), args.json.iter().map(|to| ("--json", to)))?;
     let gpu = Gpu::new(&GpuOptions { device: args.device, validate: args.validate, ..Default::default() })
         .map_err(|e| match e {
             GpuError::NoSuchDevice { .. } => UsageError(e.to_string()).into(),
@@ -352,23 +359,22 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         check_size(&gpu, size).map_err(|e| UsageError(e.to_string()))?;
     }
 
+    problems.look_at(&found);
     if args.each {
-        let drawn = each(&gpu, &args, &options, &mut problems);
-        finish(&mut problems, &args);
+        let drawn = each(&gpu, &found, &args, &options, &protected, problems);
+        finish(problems, &args);
         drawn?;
     } else {
         let data = if args.demo {
-            load::demo(&options, &mut problems).map(Data::Whole)
+            load::demo(&options, problems).map(Data::Whole)
         } else {
-            let found = inputs::expand(&args.inputs);
-            found.failed.iter().for_each(|error| problems.error(error));
-            Data::of(&found.files, &args, &options, &mut problems)
+            Data::of(&found.files, &args, &options, problems)
         };
-        say(&mut problems, &args);
+        say(problems, &args);
         let drawn = data
             .map_err(usage_of_load)
-            .and_then(|d| draw(&gpu, d, &args, &args.output, film.as_ref(), &mut problems));
-        finish(&mut problems, &args);
+            .and_then(|d| draw(&gpu, d, &args, &args.output, film.as_ref(), &protected, problems));
+        finish(problems, &args);
         drawn?;
     }
     anyhow::ensure!(gpu.messages().is_empty() || !args.validate, "the validation layers reported errors");
@@ -376,21 +382,26 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 }
 
 /// One picture a file. What is wrong with one of them does not stop the others.
-fn each(gpu: &Gpu, args: &Args, options: &LoadOptions, problems: &mut Problems) -> anyhow::Result<()> {
-    let found = inputs::expand(&args.inputs);
-    found.failed.iter().for_each(|error| problems.error(error));
+fn each(
+    gpu: &Gpu,
+    found: &Inputs,
+    args: &Args,
+    options: &LoadOptions,
+    protected: &Protected,
+    problems: &mut Problems,
+) -> anyhow::Result<()> {
     let mut taken = HashSet::new();
     let (mut drawn, mut usage) = (false, None);
     for path in &found.files {
         let output = each_output(&args.output, path);
-        if !taken.insert(one_name(&output)) {
+        if !taken.insert(output::one_name(&output)) {
             let (path, output) = (path.display(), output.display());
             problems.error(format!("{path}: not drawn into {output}: another input has that name"));
             continue;
         }
         let said = problems.said();
         let data = Data::of(std::slice::from_ref(path), args, options, problems).map_err(usage_of_load);
-        match data.and_then(|data| draw(gpu, data, args, &output, None, problems)) {
+        match data.and_then(|data| draw(gpu, data, args, &output, None, protected, problems)) {
             Ok(()) => drawn = true,
             // Why nothing is left has been said.
             Err(error) if error.is::<LoadError>() && problems.said() > said => problems.failed = true,
@@ -425,15 +436,6 @@ fn say(problems: &mut Problems, args: &Args) {
 /// Prints what has come up.
 fn finish(problems: &mut Problems, args: &Args) {
     let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
-}
-
-/// The same for two paths that most file systems take for one.
-fn one_name(path: &Path) -> PathBuf {
-    if cfg!(any(windows, target_os = "macos")) {
-        PathBuf::from(path.to_string_lossy().to_lowercase())
-    } else {
-        path.to_owned()
-    }
 }
 
 /// `{stem}` in `pattern` by the input's name without its extensions.
@@ -586,6 +588,7 @@ fn draw(
     args: &Args,
     output: &Path,
     film: Option<&Film>,
+    protected: &Protected,
     problems: &mut Problems,
 ) -> anyhow::Result<()> {
     let (grid, about, content) = match data {
@@ -674,6 +677,11 @@ fn draw(
     let mut renderer = Renderer::new(&scene, grid, anchor)?;
     // Solid columns are seen from below, too.
     let seen_down_to = if args.shade == Shade::Lit { floor } else { bounds.min.z - 1e6 };
+    let side = film.is_none().then(|| {
+        let world = args.ortho.and_then(|_| WorldFile::of(&cameras[0].basis(size).ok()?));
+        SideFiles::new(output, world.as_ref(), crs.as_ref().and_then(Crs::prj).as_deref())
+    });
+    let beside = side.as_ref().map_or(String::new(), SideFiles::note);
     let mut status = None;
     let mut all = Vec::new();
     let mut picture = |camera: &Camera, output: &Path| -> anyhow::Result<()> {
@@ -711,22 +719,17 @@ fn draw(
             anyhow::bail!(none_shown(&present.collect::<Vec<_>>()));
         }
         let image = renderer.draw_table(&mut scene, &view, &table).map_err(usage)?;
-        write(&image, &view, output)
+        write(&image, &view, Output::over(output, protected), &beside)
     };
     match film {
         Some(film) => draw_film(film, &cameras, args.quiet, picture)?,
         None => picture(&cameras[0], output)?,
     }
-    if let Some(path) = &args.json {
+    side.iter().flat_map(|side| side.write(protected)).for_each(|line| problems.warn(line));
+    if let Some(to) = &args.json {
+        let all: Vec<_> = all.into_iter().map(Signed::new).collect();
         let text = serde_json::to_string_pretty(&all).context("numbers as JSON")?;
-        write_whole(path, |file| file.write_all(text.as_bytes()))
-            .with_context(|| format!("{}: cannot be written", path.display()))?;
-    }
-    if let Some(world) = args.ortho.and_then(|_| WorldFile::of(&cameras[0].basis(size).ok()?)) {
-        world.write_beside(output)?;
-        if let Some(wkt) = crs.as_ref().and_then(crate::source::crs::Crs::prj) {
-            write_prj_beside(output, &wkt)?;
-        }
+        to.write(&(text + "\n"), protected)?;
     }
     if !args.quiet {
         let cell = tidy(grid.cell());
@@ -819,11 +822,13 @@ fn draw_film(
     Ok(())
 }
 
-fn write(image: &Image, view: &View, output: &Path) -> anyhow::Result<()> {
+/// Writes a picture; `beside`: what it says of its side files.
+fn write(image: &Image, view: &View, output: Output, beside: &str) -> anyhow::Result<()> {
     let [e, t] =
         [view.camera.eye(), view.camera.target()].map(|v| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z));
-    let notes = [("Eye", e.as_str()), ("Target", t.as_str())];
-    image.write(output, view.background == Background::None, &notes)?;
+    let notes = [("Eye", e.as_str()), ("Target", t.as_str()), ("Beside", beside)];
+    let notes = if beside.is_empty() { &notes[..2] } else { &notes[..] };
+    image.write(output, view.background == Background::None, notes)?;
     Ok(())
 }
 

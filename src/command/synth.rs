@@ -1,6 +1,6 @@
 //! `lasray synth`: writes the scan of a town that does not exist, with known geometry, as LAS or LAZ.
 
-use crate::synth::{Format, ORIGIN, SynthError, Tile, Town, write_tile};
+use crate::synth::{Format, ORIGIN, SynthError, Tile, Town, is_made_here, write_tile};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
@@ -33,6 +33,9 @@ pub struct Args {
     /// Write tiles as .las, not .laz
     #[arg(long)]
     las: bool,
+    /// Write over files that lasray synth has made, and over nothing else
+    #[arg(long)]
+    force: bool,
     /// Tiles written at a time [default: one a core]
     #[arg(long)]
     threads: Option<usize>,
@@ -65,6 +68,22 @@ pub enum PlanError {
         points: u64,
         /// Tiles that were asked for.
         tiles: u64,
+    },
+    /// Files of those names are there.
+    #[error(
+        "{}: {}refused: {}: give another name{}",
+        path.display(),
+        if *others > 0 { format!("and {others} more: ") } else { String::new() },
+        if *ours { "a file of that name is there" } else { "the file there was not made by `lasray synth`" },
+        if *ours { ", or --force to make it anew" } else { "" }
+    )]
+    Taken {
+        /// The first of them.
+        path: PathBuf,
+        /// How many others.
+        others: usize,
+        /// It was made by this command before.
+        ours: bool,
     },
     /// Not a density.
     #[error("a density of {0} points per square metre: expected a number from 0.001 to 100000")]
@@ -171,6 +190,20 @@ impl Plan {
         let tiles = tiles.collect();
         Ok(Plan { tiles, compress, folder: (!is_file).then(|| args.out.clone()) })
     }
+
+    /// Whether nothing is in the way; with `force` what this command has made before is not.
+    fn check(&self, force: bool) -> Result<(), PlanError> {
+        let there = self.tiles.iter().filter_map(|(_, path)| Some((path, is_made_here(path)?)));
+        let mut in_the_way: Vec<_> = there.filter(|(_, ours)| !(force && *ours)).collect();
+        // What is never written over first.
+        in_the_way.sort_by_key(|(_, ours)| *ours);
+        match in_the_way.first() {
+            None => Ok(()),
+            Some(&(path, ours)) => {
+                Err(PlanError::Taken { path: path.clone(), others: in_the_way.len() - 1, ours })
+            }
+        }
+    }
 }
 
 /// Writes what `args` ask for, several tiles at a time.
@@ -180,6 +213,7 @@ impl Plan {
 /// were complete by then stay, nothing half-written does.
 pub fn run(args: Args) -> anyhow::Result<()> {
     let plan = Plan::new(&args)?;
+    plan.check(args.force)?;
     if let Some(folder) = &plan.folder {
         std::fs::create_dir_all(folder)
             .map_err(|e| anyhow::anyhow!("{}: cannot make the folder: {e}", folder.display()))?;
@@ -295,6 +329,36 @@ mod tests {
         assert!(matches!(plan("synth a.laz --density NaN"), Err(PlanError::Density(_))));
         assert!(matches!(plan("synth a.laz --size 0"), Err(PlanError::Size { .. })));
         assert!(matches!(plan("synth a --tiles 9x9 --points 80"), Err(PlanError::TooFewPoints { .. })));
+    }
+
+    #[test]
+    fn only_what_was_made_here_is_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let line = |name: &str| format!("synth {} --points 100", at(name).display());
+        let write =
+            |plan: &Plan| write_all(&Town::new(1), plan, Format::Seven, 1, &AtomicBool::new(false), |_| ());
+        let made = plan(&line("a.laz")).unwrap();
+        assert_eq!(made.check(false), Ok(()));
+        write(&made).unwrap();
+        let taken = made.check(false).unwrap_err();
+        assert!(taken.to_string().ends_with("give another name, or --force to make it anew"), "{taken}");
+        assert_eq!(made.check(true), Ok(()));
+        write(&made).unwrap();
+        // The scan of someone else, and something else of that name.
+        let mut scan = std::fs::read(at("a.laz")).unwrap();
+        scan[58..65].copy_from_slice(b"TerraSc");
+        for (name, bytes) in [("b.laz", &scan[..]), ("c.las", b"notes"), ("d.laz", b"")] {
+            std::fs::write(at(name), bytes).unwrap();
+            let foreign = plan(&line(name)).unwrap();
+            for force in [false, true] {
+                let refused = foreign.check(force).unwrap_err().to_string();
+                assert!(refused.contains("was not made by `lasray synth`") && !refused.contains("--force"));
+            }
+            assert!(matches!(write(&foreign), Err(SynthError::Foreign { .. })));
+            assert_eq!(std::fs::read(at(name)).unwrap(), bytes);
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 4, "nothing is left behind");
     }
 
     #[test]

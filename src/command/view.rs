@@ -1,12 +1,15 @@
 //! `lasray view`: the window.
 
 use super::render::{Cell, ClassList, Color, Orbit};
-use super::{Outcome, UsageError, render};
+use super::{Outcome, UsageError, check_targets, render};
 use crate::attribute::ClassMask;
 use crate::gpu::{GpuError, GpuOptions};
+use crate::output::{Protected, Target};
+use crate::problems::Problems;
 use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
 use crate::render::path::CameraPath;
 use crate::source::crs::Unit;
+use crate::source::inputs;
 use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
 use crate::stream::scene::Visibility;
@@ -96,19 +99,28 @@ pub struct Args {
     /// Turn on the Vulkan validation layers
     #[arg(long, help_heading = "Device")]
     validate: bool,
-    /// Write times of frames there at the end
+    /// Write times of frames there at the end, - for standard output
     #[arg(long, help_heading = "Device", value_name = "FILE")]
-    json: Option<PathBuf>,
+    json: Option<Target>,
     /// Tell what happens on standard output, for tests
     #[arg(long, hide = true)]
     log_events: bool,
 }
 
 /// Opens the window.
-pub fn run(args: Args) -> anyhow::Result<Outcome> {
+pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let usage = |e: &dyn std::fmt::Display| UsageError(e.to_string());
     if let (Some(eye), Some(target)) = (args.eye, args.target) {
         Camera::look_at(eye, target, Projection::default()).map_err(|e| usage(&e))?;
+    }
+    let mut protected = Protected::default();
+    if let Some(to) = &args.json {
+        protected = Protected::of(&inputs::expand(&args.inputs));
+        args.path.iter().for_each(|path| protected.add(path));
+        check_targets(&protected, [], [("--json", to)])?;
+        if args.log_events && *to == Target::Stdout {
+            return Err(usage(&"--json -: --log-events takes standard output").into());
+        }
     }
     let path = match &args.path {
         Some(file) => {
@@ -148,9 +160,10 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         laps: args.laps,
         quit: args.quit,
         json: args.json,
+        protected,
         log_events: args.log_events,
     };
-    view::run(options).map_err(|error| match error.downcast_ref::<GpuError>() {
+    view::run(options, problems).map_err(|error| match error.downcast_ref::<GpuError>() {
         Some(GpuError::NoSuchDevice { .. }) => usage(&error).into(),
         _ => error,
     })?;

@@ -1,8 +1,8 @@
 //! The picture in memory, and the files it is written to.
 
 use crate::attribute::linear_to_srgb;
+use crate::output::{self, Output, Protected, Refusal, SOFTWARE, write_whole};
 use crate::render::camera::RayBasis;
-use crate::render::whole_file::write_whole;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Layer, LayerAttributes, Text,
     WritableImage,
@@ -11,8 +11,8 @@ use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Written into every picture.
-const SOFTWARE: &str = concat!("lasray ", env!("CARGO_PKG_VERSION"));
+/// Side files are short: six numbers, a coordinate system.
+const MOST_SIDE_BYTES: u64 = 1 << 20;
 
 /// Class of a pixel that hit nothing.
 pub const MISS_CLASS: u32 = 256;
@@ -82,19 +82,19 @@ impl Image {
         }
     }
 
-    /// Writes PNG or EXR, by the extension of `path`; `alpha` (of a PNG) as in [`Image::write_png`].
-    pub fn write(&self, path: &Path, alpha: bool, notes: &[Note]) -> Result<(), ImageError> {
-        match Format::of(path)? {
-            Format::Png => self.write_png(path, alpha, notes),
-            Format::Exr => self.write_exr(path, notes),
+    /// Writes PNG or EXR, by the extension of its name; `alpha` (of a PNG) as in [`Image::write_png`].
+    pub fn write(&self, output: Output, alpha: bool, notes: &[Note]) -> Result<(), ImageError> {
+        match Format::of(output.path())? {
+            Format::Png => self.write_png(output, alpha, notes),
+            Format::Exr => self.write_exr(output, notes),
         }
     }
 
     /// Writes 8-bit sRGB; with `alpha` (not premultiplied) for pictures without background, else the
     /// colours as they are.
-    pub fn write_png(&self, path: &Path, alpha: bool, notes: &[Note]) -> Result<(), ImageError> {
-        self.check(path)?;
-        whole(path, |out| {
+    pub fn write_png(&self, output: Output, alpha: bool, notes: &[Note]) -> Result<(), ImageError> {
+        self.check(output.path())?;
+        whole(output, |out| {
             let mut encoder = png::Encoder::new(out, self.width, self.height);
             encoder.set_color(if alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
             encoder.set_depth(png::BitDepth::Eight);
@@ -123,8 +123,8 @@ impl Image {
     }
 
     /// Writes channels `R G B A distance height` (f32) and `class origin` (UINT), losslessly packed.
-    pub fn write_exr(&self, path: &Path, notes: &[Note]) -> Result<(), ImageError> {
-        self.check(path)?;
+    pub fn write_exr(&self, output: Output, notes: &[Note]) -> Result<(), ImageError> {
+        self.check(output.path())?;
         let color = |k: usize| FlatSamples::F32(self.color.iter().map(|c| c[k]).collect());
         let channels = [
             ("R", color(0)),
@@ -155,7 +155,7 @@ impl Image {
             AnyChannels::sort(channels),
         );
         let image = exr::prelude::Image::from_layer(layer);
-        whole(path, |out| Ok(image.write().to_buffered(out)?))
+        whole(output, |out| Ok(image.write().to_buffered(out)?))
     }
 
     /// The EXR encoder panics on a picture without pixels.
@@ -226,10 +226,11 @@ impl From<exr::error::Error> for Reason {
 }
 
 fn whole(
-    path: &Path,
+    output: Output,
     write: impl FnOnce(&mut io::BufWriter<&std::fs::File>) -> Result<(), Reason>,
 ) -> Result<(), ImageError> {
-    write_whole(path, write).map_err(|Reason(reason)| ImageError::Write { path: path.to_owned(), reason })
+    let path = output.path();
+    output.write(write).map_err(|Reason(reason)| ImageError::Write { path: path.to_owned(), reason })
 }
 
 /// Pixel → world of a map: E = a · column + b · row + c, N = d · column + e · row + f, at pixel centres.
@@ -270,21 +271,124 @@ impl WorldFile {
         WorldFile { a: self.a * e, d: self.d * n, b: self.b * e, e: self.e * n, c: self.c * e, f: self.f * n }
     }
 
-    /// Writes it beside the picture, as `.pgw` for a PNG and `.wld` for others; gives the path.
-    pub fn write_beside(&self, picture: &Path) -> Result<PathBuf, ImageError> {
-        let png = Format::of(picture).is_ok_and(|f| f == Format::Png);
-        let path = picture.with_extension(if png { "pgw" } else { "wld" });
+    /// Six lines.
+    fn text(&self) -> String {
         let WorldFile { a, d, b, e, c, f } = self;
-        whole(&path, |out| Ok(write!(out, "{a}\n{d}\n{b}\n{e}\n{c}\n{f}\n")?))?;
-        Ok(path)
+        format!("{a}\n{d}\n{b}\n{e}\n{c}\n{f}\n")
     }
 }
 
-/// Writes the CRS, as WKT, beside the picture into a `.prj`; gives the path.
-pub fn write_prj_beside(picture: &Path, wkt: &str) -> Result<PathBuf, ImageError> {
-    let path = picture.with_extension("prj");
-    whole(&path, |out| Ok(out.write_all(wkt.as_bytes())?))?;
-    Ok(path)
+/// The files beside a picture that say where it lies: a world file (`.pgw` for a PNG, `.wld` for others) and the CRS
+/// as WKT (`.prj`).
+///
+/// Others have files of such names, too: `tile.prj` may belong to `tile.laz`. One that is there is replaced only
+/// where the picture that is there says that it was written with it: pictures carry digests of their side files
+/// ([`SideFiles::note`]). All others are left alone, and where they do not say what ours would, that is said.
+#[derive(Debug)]
+pub struct SideFiles {
+    picture: PathBuf,
+    /// What lies beside the picture, or is to.
+    files: Vec<SideFile>,
+}
+
+#[derive(Debug)]
+struct SideFile {
+    path: PathBuf,
+    /// What is to be in it; `None`: it is to be absent.
+    text: Option<String>,
+    /// Digest of the one that was written with the picture that is there.
+    ours: Option<String>,
+}
+
+impl SideFile {
+    fn extension(&self) -> &str {
+        self.path.extension().and_then(|e| e.to_str()).unwrap_or_default()
+    }
+
+    /// As pictures carry it.
+    fn digest(&self, bytes: &[u8]) -> String {
+        format!("{}={:016x}", self.extension(), xxhash_rust::xxh3::xxh3_64(bytes))
+    }
+
+    /// The bytes that are there; none of what is too long for a side file, or no file.
+    fn there(&self) -> Option<Vec<u8>> {
+        let is_small = std::fs::metadata(&self.path).is_ok_and(|m| m.is_file() && m.len() <= MOST_SIDE_BYTES);
+        is_small.then(|| std::fs::read(&self.path).ok()).flatten()
+    }
+
+    /// Whether what is there now may be replaced.
+    fn may_go(&self, protected: &Protected) -> Result<(), Refusal> {
+        let is_ours = || self.ours.is_some() && self.ours == self.there().map(|bytes| self.digest(&bytes));
+        match protected.check(&self.path) {
+            // The digest says more than the folder it lies in.
+            Ok(()) | Err(Refusal::Foreign(_)) if self.path.symlink_metadata().is_err() || is_ours() => Ok(()),
+            Ok(()) | Err(Refusal::Foreign(_)) => Err(Refusal::NotOfPicture),
+            refused => refused,
+        }
+    }
+}
+
+impl SideFiles {
+    /// Of the picture that is about to be written to `picture`: a map with `world`, or none. Looks at what lies there.
+    pub fn new(picture: &Path, world: Option<&WorldFile>, wkt: Option<&str>) -> SideFiles {
+        let is_png = Format::of(picture).is_ok_and(|f| f == Format::Png);
+        let texts = [
+            (if is_png { "pgw" } else { "wld" }, world.map(WorldFile::text)),
+            ("prj", world.and(wkt).map(str::to_owned)),
+        ];
+        let head = output::head(picture).ok().filter(|head| output::is_ours(head)).unwrap_or_default();
+        let files = texts.map(|(extension, text)| {
+            let mut file = SideFile { path: picture.with_extension(extension), text, ours: None };
+            let digest = file.there().map(|bytes| file.digest(&bytes));
+            file.ours = digest.filter(|digest| output::holds(&head, digest.as_bytes()));
+            file
+        });
+        SideFiles { picture: picture.to_owned(), files: files.into() }
+    }
+
+    /// What the picture is to say of them; empty where there are none.
+    pub fn note(&self) -> String {
+        let digest = |file: &SideFile| file.text.as_ref().map(|text| file.digest(text.as_bytes()));
+        self.files.iter().filter_map(digest).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Writes them; gives what is to be said of those that are not as they should be.
+    pub fn write(&self, protected: &Protected) -> Vec<String> {
+        let mut said = Vec::new();
+        for file in &self.files {
+            let (path, picture) = (file.path.display(), self.picture.display());
+            let is_world = file.extension() != "prj";
+            let Some(text) = &file.text else {
+                // A system without a place says nothing.
+                if file.path.exists() && (is_world || self.files.iter().any(|file| file.text.is_some())) {
+                    said.push(format!(
+                        "{path}: does not belong to {picture}, but programs that find it beside the picture will \
+                         take it for its place on the map: move one of them away"
+                    ));
+                }
+                continue;
+            };
+            if file.there().is_some_and(|there| there == text.as_bytes()) {
+                continue;
+            }
+            let written: io::Result<()> =
+                write_whole(&file.path, |_| file.may_go(protected), |out| out.write_all(text.as_bytes()));
+            if let Err(error) = written {
+                let there = match (file.path.exists(), is_world) {
+                    (false, _) => "",
+                    (true, true) => {
+                        "; programs that place the picture by it will put it in the wrong place: move it away, or \
+                         give the picture another name"
+                    }
+                    (true, false) => {
+                        "; check that it names the picture's coordinate system, or give the picture another name"
+                    }
+                };
+                said.push(format!("{path}: not written beside {picture}: {error}{there}"));
+            }
+        }
+        said
+    }
 }
 
 #[cfg(test)]
@@ -323,7 +427,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("größe.exr");
         let image = picture();
-        image.write(&path, false, &[("camera", "--eye 1,2,3"), ("input", "größe.laz")]).unwrap();
+        image
+            .write(Output::fresh(&path), false, &[("camera", "--eye 1,2,3"), ("input", "größe.laz")])
+            .unwrap();
         let read = exr::prelude::read_all_flat_layers_from_file(&path).unwrap();
         let [layer] = &read.layer_data[..] else { panic!("one layer expected") };
         assert_eq!((layer.size.0, layer.size.1), (3, 2));
@@ -356,7 +462,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.PNG");
         let image = picture();
-        image.write(&path, false, &[("Camera", "--eye 1,2,3"), ("Input", "größe.laz")]).unwrap();
+        image
+            .write(Output::fresh(&path), false, &[("Camera", "--eye 1,2,3"), ("Input", "größe.laz")])
+            .unwrap();
         let (bytes, info) = read_png(&path);
         assert_eq!((info.width, info.height, info.color_type), (3, 2, png::ColorType::Rgb));
         assert!(info.srgb.is_some());
@@ -378,7 +486,7 @@ mod tests {
         let mut image = Image::new([2, 1]);
         let v = srgb_to_linear(200.0 / 255.0);
         image.color[0] = [v * 0.5, v * 0.5, 0.0, 0.5];
-        image.write_png(&path, true, &[]).unwrap();
+        image.write_png(Output::fresh(&path), true, &[]).unwrap();
         assert_eq!(read_png(&path).0, [200, 200, 0, 128, 0, 0, 0, 0]);
         assert_eq!(encode([f32::NAN, f32::INFINITY, -1.0, 2.0], false), [0, 255, 0, 255]);
     }
@@ -393,8 +501,9 @@ mod tests {
         };
         let world = WorldFile::of(&view([0.0, 90.0], map)).unwrap();
         for (name, beside) in [("top view.png", "top view.pgw"), ("top view.exr", "top view.wld")] {
-            let path = world.write_beside(&folder.path().join(name)).unwrap();
-            assert_eq!(path, folder.path().join(beside));
+            let side = SideFiles::new(&folder.path().join(name), Some(&world), Some("PROJCS[…]"));
+            assert_eq!(side.write(&Protected::default()), [""; 0]);
+            let path = folder.path().join(beside);
             // North-west pixel's centre: half a pixel inside the picture's corner.
             assert_eq!(fs::read_to_string(path).unwrap(), "0.25\n0\n0\n-0.25\n499950.125\n6000024.875\n");
         }
@@ -403,15 +512,67 @@ mod tests {
         assert_eq!(WorldFile::of(&view([0.0, 90.0], Projection::default())), None);
         let half = world.scaled([0.5, 2.0]);
         assert_eq!((half.a, half.e, half.c, half.f), (0.125, -0.5, 249_975.062_5, 12_000_049.75));
-        let prj = write_prj_beside(&folder.path().join("top view.png"), "PROJCS[…]").unwrap();
-        assert_eq!(fs::read_to_string(prj).unwrap(), "PROJCS[…]");
+        assert_eq!(fs::read_to_string(folder.path().join("top view.prj")).unwrap(), "PROJCS[…]");
+    }
+
+    #[test]
+    fn side_files_of_others_are_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let read = |name: &str| fs::read_to_string(at(name)).unwrap();
+        let (nothing, image) = (Protected::default(), picture());
+        let draw = |name: &str, side: f64, wkt: Option<&str>| {
+            let path = at(name);
+            let world = WorldFile { a: side, d: 0.0, b: 0.0, e: -side, c: 5.0, f: 6.0 };
+            let files = SideFiles::new(&path, (side > 0.0).then_some(&world), wkt);
+            let note = files.note();
+            image.write(Output::over(&path, &nothing), false, &[("Beside", &note)]).unwrap();
+            files.write(&nothing)
+        };
+        for (picture, world) in [("map.png", "map.pgw"), ("sea.exr", "sea.wld")] {
+            let prj = format!("{}.prj", &picture[..3]);
+            fs::write(at(&prj), "of another program").unwrap();
+            for side in [1.0, 2.0, 0.25] {
+                // Ours is replaced, time and again; the other never.
+                let said = draw(picture, side, Some("PROJCS[…]"));
+                assert!(
+                    matches!(&said[..], [one] if one.contains(&prj) && one.contains("left as it is")),
+                    "{said:?}"
+                );
+                assert!(read(world).starts_with(&format!("{side}\n")));
+                assert_eq!(read(&prj), "of another program");
+            }
+            fs::remove_file(at(&prj)).unwrap();
+            assert_eq!(draw(picture, 1.0, Some("A")), [""; 0]);
+            assert_eq!(draw(picture, 1.0, Some("B")), [""; 0]);
+            assert_eq!(read(&prj), "B");
+            // A file that the user has changed is theirs from then on; one that says the same needs no word.
+            fs::write(at(world), "7\n").unwrap();
+            let said = draw(picture, 3.0, Some("B"));
+            assert!(matches!(&said[..], [one] if one.contains("in the wrong place")), "{said:?}");
+            assert_eq!(read(world), "7\n");
+            fs::write(at(world), "3\n0\n0\n-3\n5\n6\n").unwrap();
+            assert_eq!(draw(picture, 3.0, Some("B")), [""; 0]);
+            // What was a map is none any more.
+            let said = draw(picture, 0.0, None);
+            assert!(matches!(&said[..], [one] if one.contains("does not belong to")), "{said:?}");
+            let said = draw(picture, 3.0, None);
+            assert!(matches!(&said[..], [one] if one.contains(&prj)), "{said:?}");
+        }
+        // A picture of the same name that is not ours vouches for nothing, nor does a point cloud go.
+        fs::write(at("a.png"), "\u{89}PNG").unwrap();
+        fs::write(at("a.pgw"), "1\n").unwrap();
+        fs::write(at("a.prj"), "LASF").unwrap();
+        let said = draw("a.png", 3.0, Some("B"));
+        assert_eq!((said.len(), read("a.pgw").as_str(), read("a.prj").as_str()), (2, "1\n", "LASF"));
+        assert!(said[1].contains("point cloud"), "{said:?}");
     }
 
     #[test]
     fn failures_name_file_and_reason() {
         let folder = tempfile::tempdir().unwrap();
         let image = picture();
-        let message = |path: &Path| image.write(path, false, &[]).unwrap_err().to_string();
+        let message = |path: &Path| image.write(Output::fresh(path), false, &[]).unwrap_err().to_string();
         let lost = folder.path().join("none").join("a.exr");
         assert_eq!(
             message(&lost),
@@ -425,9 +586,9 @@ mod tests {
         assert!(message(Path::new("png")).contains(".png or .exr"));
         // An encoder that refuses leaves nothing behind.
         let path = folder.path().join("a.png");
-        assert!(Image::new([0, 5]).write(&path, false, &[]).is_err());
-        assert!(Image::new([0, 5]).write(&path.with_extension("exr"), false, &[]).is_err());
-        assert!(image.write(&path, false, &[("", "no key")]).is_err());
+        assert!(Image::new([0, 5]).write(Output::fresh(&path), false, &[]).is_err());
+        assert!(Image::new([0, 5]).write(Output::fresh(&path.with_extension("exr")), false, &[]).is_err());
+        assert!(image.write(Output::fresh(&path), false, &[("", "no key")]).is_err());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -8,4 +8,3 @@ pub mod reference;
 #[cfg(feature = "view")]
 pub mod screen;
 pub mod sight;
-pub mod whole_file;

@@ -3,7 +3,7 @@
 //! The format is described in `docs/camera-paths.md`.
 
 use super::camera::{Camera, CameraError, DEFAULT_FOV, Projection};
-use super::whole_file::write_whole;
+use crate::output::Output;
 use glam::{DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -364,9 +364,10 @@ impl CameraPath {
         Ok(CameraPath { name, ..read })
     }
 
-    /// Writes a file, whole or not at all.
+    /// Writes a file where none is, whole or not at all.
     pub fn write(&self, path: &Path) -> Result<(), PathError> {
-        write_whole(path, |out| out.write_all(self.text()?.as_bytes()))
+        Output::fresh(path)
+            .write(|out| out.write_all(self.text()?.as_bytes()))
             .map_err(|reason| PathError::Write { path: path.to_owned(), reason })
     }
 
@@ -731,14 +732,15 @@ mod tests {
     #[test]
     fn comes_back_from_its_file() {
         let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("a.json");
         let camera = Camera::looking(DVec3::new(0.1, 1.0 / 3.0, 7e6), [12.0, -3.0], Projection::default());
         let mut paths = vec![CameraPath::view(&camera.unwrap()).named("\"Straße\" 1")];
         paths.extend(PathKind::ALL.map(|kind| kind.path(&STAGE, 7).unwrap()));
         let flat = Projection::Orthographic { units_per_pixel: 0.1 };
         paths.push(CameraPath::new(paths[7].keyframes.clone(), flat, 29.97, Interpolation::Step).unwrap());
-        for path in paths {
+        for (k, path) in paths.into_iter().enumerate() {
+            let file = folder.path().join(format!("{k}.json"));
             path.write(&file).unwrap();
+            assert!(path.write(&file).unwrap_err().to_string().contains("there is a file of that name"));
             let read = CameraPath::read(&file).unwrap();
             assert_eq!(read, path);
             assert_eq!(read.camera(31), path.camera(31));

@@ -1,5 +1,6 @@
 //! What cannot be read, and what can be read only in part.
 
+use super::kinds::Kind;
 use std::{io, path::PathBuf};
 
 /// What cannot be read: names the file, the place in it, and why.
@@ -32,12 +33,14 @@ pub enum SourceError {
         path: PathBuf,
     },
     /// Another kind of file.
-    #[error("{path}: not a LAS file: starts with \"{}\" instead of \"LASF\"", found.escape_ascii())]
+    #[error("{path}: not a LAS file{}", instead(.found, *.kind))]
     NotLas {
         /// The file.
         path: PathBuf,
         /// Its first bytes.
         found: Vec<u8>,
+        /// What it is, where that can be told.
+        kind: Option<&'static Kind>,
     },
     /// Ends inside the header.
     #[error("{path}: ends inside its header: {len} bytes, a LAS {major}.{minor} header has {need}")]
@@ -109,6 +112,13 @@ pub enum SourceError {
         /// What is wrong with it.
         reason: String,
     },
+}
+
+fn instead(found: &[u8], kind: Option<&Kind>) -> String {
+    match kind {
+        Some(kind) => format!(" but {kind}"),
+        None => format!(": starts with \"{}\" instead of \"LASF\"", found.escape_ascii()),
+    }
 }
 
 /// What is wrong with a file that can be read all the same, in part or in whole.

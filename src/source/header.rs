@@ -81,7 +81,8 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
     let have = bytes.len().min(start.len() as u64) as usize;
     bytes.read_exact_at(&mut start[..have], 0)?;
     if start[..have.min(4)] != b"LASF"[..have.min(4)] {
-        return Err(SourceError::NotLas { path: path(), found: start[..have.min(4)].to_vec() });
+        let kind = super::kinds::of_file(&start[..have], bytes.path());
+        return Err(SourceError::NotLas { path: path(), found: start[..have.min(4)].to_vec(), kind });
     }
     let (major, minor) = (start[24], start[25]);
     // A file that ends before its version is judged as the shortest kind.

@@ -1,5 +1,6 @@
 //! Which files an INPUT argument names: files, folders, `@list.txt`, patterns the shell left alone.
 
+use super::kinds::{self, Kind};
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::io;
@@ -10,6 +11,10 @@ use std::path::{Path, PathBuf};
 pub struct Inputs {
     /// Every file once, ordered by its canonical path: the order of the arguments changes nothing.
     pub files: Vec<PathBuf>,
+    /// Folders that were walked, each once.
+    pub folders: Vec<PathBuf>,
+    /// Lists that were read, or tried.
+    pub lists: Vec<PathBuf>,
     /// Each input that could not be used; the others go on.
     pub failed: Vec<InputError>,
 }
@@ -23,6 +28,14 @@ pub enum InputError {
         /// As given.
         path: PathBuf,
     },
+    /// No file at all: a URL, standard input.
+    #[error("{word}: {kind}")]
+    NoFile {
+        /// As given.
+        word: String,
+        /// What it is.
+        kind: &'static Kind,
+    },
     /// A file, folder or list that the system does not let us read.
     #[error("{path}: cannot be read: {source}", path = path.display())]
     Unreadable {
@@ -32,16 +45,20 @@ pub enum InputError {
         source: io::Error,
     },
     /// A folder without LiDAR files in it or below it.
-    #[error("{path}: the folder holds no .las or .laz file", path = path.display())]
+    #[error("{path}: the folder holds no .las or .laz file{}", but(.other), path = path.display())]
     EmptyFolder {
         /// The folder.
         path: PathBuf,
+        /// What is there instead, first by name.
+        other: Option<Other>,
     },
     /// A pattern that no LiDAR file or folder fits.
-    #[error("{pattern}: no .las or .laz file or folder fits this pattern")]
+    #[error("{pattern}: no .las or .laz file or folder fits this pattern{}", but(.other))]
     NoMatch {
         /// As given.
         pattern: String,
+        /// What fits it instead, first by name.
+        other: Option<Other>,
     },
     /// A pattern with wrong syntax.
     #[error("{pattern}: not a valid pattern: {reason}")]
@@ -77,6 +94,23 @@ pub enum InputError {
     },
 }
 
+/// A file of a kind that is not read, but may hold points.
+pub type Other = (PathBuf, &'static Kind);
+
+fn but(other: &Option<Other>) -> String {
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    other.as_ref().map_or(String::new(), |(path, kind)| format!(", but {}, {kind}", name(path)))
+}
+
+/// Takes `path` for the other file, if it comes first.
+fn note_other(other: &mut Option<Other>, path: &Path) {
+    if let Some(kind) = kinds::of_data(path)
+        && other.as_ref().is_none_or(|(first, _)| path < first.as_path())
+    {
+        *other = Some((path.to_owned(), kind));
+    }
+}
+
 /// Expands `arguments`. A file given by name is taken whatever its extension; folders (walked, links
 /// followed) and patterns give `.las` and `.laz` in any case.
 pub fn expand<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Inputs {
@@ -88,7 +122,12 @@ pub fn expand<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Inputs
             _ => expand_one(Path::new(""), path, &mut found),
         }
     }
-    Inputs { files: found.files.into_values().collect(), failed: found.failed }
+    let Found { files, mut folders, mut lists, failed } = found;
+    for paths in [&mut folders, &mut lists] {
+        paths.sort();
+        paths.dedup();
+    }
+    Inputs { files: files.into_values().collect(), folders, lists, failed }
 }
 
 /// Whether a folder's entry of this name is opened: `.las` or `.laz` (so `.copc.laz`) in any case.
@@ -103,6 +142,8 @@ pub fn is_lidar_name(path: &Path) -> bool {
 struct Found {
     /// Canonical path to the path to show.
     files: BTreeMap<PathBuf, PathBuf>,
+    folders: Vec<PathBuf>,
+    lists: Vec<PathBuf>,
     failed: Vec<InputError>,
 }
 
@@ -121,6 +162,14 @@ impl Found {
     }
 }
 
+/// Whether `name` is no file at all, which is said then.
+fn is_no_file(name: &Path, found: &mut Found) -> bool {
+    let word = name.to_string_lossy();
+    let kind = kinds::of_word(&word);
+    found.failed.extend(kind.map(|kind| InputError::NoFile { word: word.into_owned(), kind }));
+    kind.is_some()
+}
+
 /// `name` as given, relative to `folder` (which is no pattern, whatever letters are in it).
 fn expand_one(folder: &Path, name: &Path, found: &mut Found) {
     let path = folder.join(name);
@@ -130,6 +179,7 @@ fn expand_one(folder: &Path, name: &Path, found: &mut Found) {
         Err(source) if source.kind() == io::ErrorKind::PermissionDenied => {
             found.failed.push(InputError::Unreadable { path, source });
         }
+        Err(_) if is_no_file(name, found) => {}
         Err(_) => match (folder.to_str(), name.to_str()) {
             (Some(folder), Some(name)) if name.contains(['*', '?', '[']) => {
                 let pattern = Path::new(&glob::Pattern::escape(folder)).join(name);
@@ -141,13 +191,16 @@ fn expand_one(folder: &Path, name: &Path, found: &mut Found) {
 }
 
 fn walk(folder: &Path, found: &mut Found) {
-    let mut empty = true;
+    let (mut empty, mut other) = (true, None);
+    found.folders.push(folder.to_owned());
     for entry in walkdir::WalkDir::new(folder).follow_links(true) {
         match entry {
             Ok(entry) => {
                 if is_lidar_name(entry.path()) && !entry.file_type().is_dir() {
                     empty = false;
                     found.add(entry.path());
+                } else if empty && !entry.file_type().is_dir() {
+                    note_other(&mut other, entry.path());
                 }
             }
             // A link back to a folder above: what is there has been seen.
@@ -166,7 +219,7 @@ fn walk(folder: &Path, found: &mut Found) {
         }
     }
     if empty {
-        found.failed.push(InputError::EmptyFolder { path: folder.to_owned() });
+        found.failed.push(InputError::EmptyFolder { path: folder.to_owned(), other });
     }
 }
 
@@ -179,7 +232,7 @@ fn expand_pattern(pattern: String, found: &mut Found) {
             return found.failed.push(InputError::BadPattern { pattern, reason });
         }
     };
-    let mut empty = true;
+    let (mut empty, mut other) = (true, None);
     for entry in entries {
         match entry {
             Ok(path) if path.is_dir() => {
@@ -190,7 +243,7 @@ fn expand_pattern(pattern: String, found: &mut Found) {
                 empty = false;
                 found.add(&path);
             }
-            Ok(_) => {}
+            Ok(path) => note_other(&mut other, &path),
             Err(error) => {
                 empty = false;
                 let path = error.path().to_owned();
@@ -199,11 +252,12 @@ fn expand_pattern(pattern: String, found: &mut Found) {
         }
     }
     if empty {
-        found.failed.push(InputError::NoMatch { pattern });
+        found.failed.push(InputError::NoMatch { pattern, other });
     }
 }
 
 fn expand_list(list: &Path, found: &mut Found) {
+    found.lists.push(list.to_owned());
     let text = match std::fs::read(list) {
         Ok(bytes) => match String::from_utf8(bytes) {
             Ok(text) => text,
@@ -342,6 +396,31 @@ mod tests {
             "{:?}",
             inputs.failed
         );
+    }
+
+    #[test]
+    fn other_kinds_are_named_with_what_to_do() {
+        let root = tree();
+        fs::create_dir(root.path().join("packed")).unwrap();
+        ["b.zip", "a.zip", "readme.txt"].iter().for_each(|name| {
+            fs::write(root.path().join("packed").join(name), b"x").unwrap();
+        });
+        let at = |name: &str| root.path().join(name).into_os_string();
+        let words = ["https://a.b/c.laz?x=*", "-", "s3://b/c"].map(OsStr::new).map(OsStr::to_owned);
+        let inputs = expand([at("packed"), at("packed/*.zip")].into_iter().chain(words));
+        let said: Vec<_> = inputs.failed.iter().map(ToString::to_string).collect();
+        assert!(
+            said[0].ends_with("no .las or .laz file, but a.zip, a ZIP archive: unpack it first"),
+            "{said:?}"
+        );
+        assert!(
+            said[1].ends_with("fits this pattern, but a.zip, a ZIP archive: unpack it first"),
+            "{said:?}"
+        );
+        assert!(said[2].starts_with("https://a.b/c.laz?x=*: a remote file: download it first"), "{said:?}");
+        assert!(said[3].starts_with("-: standard input: "), "{said:?}");
+        assert!(said[4].starts_with("s3://b/c: a remote file"), "{said:?}");
+        assert_eq!(inputs.folders, [root.path().join("packed")]);
     }
 
     #[cfg(unix)]

@@ -15,6 +15,7 @@ mod error;
 mod fields;
 mod header;
 pub mod inputs;
+pub mod kinds;
 pub mod known;
 mod laszip;
 pub mod lax;

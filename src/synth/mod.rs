@@ -19,7 +19,7 @@ mod tests;
 pub use patch::{Hit, Leaves, PATCH, Patch, Section, class};
 pub use scan::{ORIGIN, SCALE, ScanBlock, Tile, scan};
 pub use town::Town;
-pub use write::{Format, SynthError, write_tile};
+pub use write::{Format, SynthError, is_made_here, write_tile};
 
 /// Points of the [`demo`] scene.
 pub const DEMO_POINTS: u64 = 3_000_000;

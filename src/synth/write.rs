@@ -2,6 +2,7 @@
 
 use super::scan::{ORIGIN, SCALE, ScanBlock, Tile, scan};
 use super::town::Town;
+use crate::output::{SOFTWARE, head};
 use laz::LasZipCompressor;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -10,6 +11,8 @@ use tempfile::NamedTempFile;
 
 /// ETRS89 / UTM zone 32N, where the town would lie.
 const EPSG: u16 = 25832;
+/// What stands in the place of a scanner's name.
+const SYSTEM: &str = "SYNTHETIC";
 /// Bytes gathered before the file is written to.
 const BUFFER_BYTES: usize = 1 << 20;
 
@@ -68,6 +71,12 @@ pub enum SynthError {
         /// Points asked for.
         points: u64,
     },
+    /// Something is there that this program has not made.
+    #[error("{path}: refused: the file there was not made by `lasray synth`: give another name")]
+    Foreign {
+        /// The file that was wanted.
+        path: PathBuf,
+    },
     /// Asked to stop.
     #[error("{path}: stopped; nothing was left behind")]
     Stopped {
@@ -76,8 +85,17 @@ pub enum SynthError {
     },
 }
 
+/// Whether a point cloud of this making, a regular file, is at `path`; `None`: nothing is.
+/// (LAS 1.4 R15, 2.4: system identifier from byte 26 on, generating software from byte 58 on, 32 bytes each.)
+pub fn is_made_here(path: &Path) -> Option<bool> {
+    let Ok(there) = path.symlink_metadata() else { return None };
+    let head = if there.is_file() { head(path).unwrap_or_default() } else { Vec::new() };
+    let has = |at: usize, mark: &[u8]| head.get(at..).is_some_and(|rest| rest.starts_with(mark));
+    Some(has(0, b"LASF") && has(26, SYSTEM.as_bytes()) && has(58, b"lasray "))
+}
+
 /// Scans `tile` into the file `path`, LAZ if `compress`; the file appears when it is complete, and replaces an
-/// older one. Calls `progress` with the number of points of each block written, and stops when `stop` is set.
+/// older one that was made here, nothing else. Calls `progress` with the number of points of each block written, and stops when `stop` is set.
 ///
 /// # Errors
 /// [`SynthError`]; then nothing of the new file remains, and an older one is untouched.
@@ -140,6 +158,10 @@ pub fn write_tile(
     file.seek(SeekFrom::Start(0)).map_err(io("return to the header"))?;
     raw.write_to(&mut file).map_err(|e| refused(&e))?;
     let file = file.into_inner().map_err(|e| io("write points")(e.into_error()))?;
+    file.as_file().sync_all().map_err(io("write points"))?;
+    if is_made_here(path) == Some(false) {
+        return Err(SynthError::Foreign { path: path.to_owned() });
+    }
     file.persist(path).map_err(|e| io("put the file in place")(e.error))?;
     Ok(())
 }
@@ -169,8 +191,8 @@ fn header(format: Format, compress: bool) -> las::Result<las::Header> {
     builder.point_format = las::point::Format::new(format.number())?;
     builder.point_format.is_compressed = compress;
     builder.gps_time_type = las::GpsTimeType::Standard;
-    builder.system_identifier = "SYNTHETIC".to_owned();
-    builder.generating_software = concat!("lasray ", env!("CARGO_PKG_VERSION")).to_owned();
+    builder.system_identifier = SYSTEM.to_owned();
+    builder.generating_software = SOFTWARE.to_owned();
     let axis = |offset: f64| las::Transform { scale: SCALE, offset };
     builder.transforms = las::Vector { x: axis(ORIGIN[0]), y: axis(ORIGIN[1]), z: axis(0.0) };
     if format == Format::Three {

@@ -136,7 +136,7 @@ enum Purpose {
 }
 
 /// What came of opening files, and what is to be said of it.
-type Opened = (Result<Opening, LoadError>, Vec<String>);
+type Opened = (Result<Opening, LoadError>, Problems);
 
 /// Files that are being opened.
 struct Coming {
@@ -168,6 +168,7 @@ pub struct Data {
     counted: Instant,
     is_complete: bool,
     messages: VecDeque<String>,
+    problems: Problems,
     failed: Option<String>,
     is_held: bool,
 }
@@ -200,6 +201,7 @@ impl Data {
             counted: Instant::now(),
             is_complete: false,
             messages: VecDeque::new(),
+            problems: Problems::default(),
             failed: None,
             is_held: false,
         };
@@ -233,26 +235,28 @@ impl Data {
         while let Some(coming) = self.coming.first() {
             let come = match coming.opening.try_recv() {
                 Err(error) if error.is_empty() => break,
-                Err(_) => (Err(LoadError::Nothing("reading ended early")), Vec::new()),
+                Err(_) => (Err(LoadError::Nothing("reading ended early")), Problems::default()),
                 Ok(come) => come,
             };
             let coming = self.coming.remove(0);
             opened.push((come, coming.purpose, coming.is_of_world));
         }
-        for ((opening, lines), purpose, is_of_world) in opened {
+        for ((opening, problems), purpose, is_of_world) in opened {
             tick.changed = true;
             match (purpose, opening) {
                 // Only now it is known what they come to.
                 (Purpose::More(inputs), _) if self.about.is_some() && !is_of_world => self.open_more(inputs),
-                (Purpose::More(inputs), opening) if self.about.is_some() => self.join(inputs, opening, lines),
-                (Purpose::Again(files), opening) => self.renew(&files, opening, lines),
+                (Purpose::More(inputs), opening) if self.about.is_some() => {
+                    self.join(inputs, opening, problems);
+                }
+                (Purpose::Again(files), opening) => self.renew(&files, opening, problems),
                 (_, Ok(opening)) => {
-                    self.say(lines);
+                    self.take_in(problems);
                     self.show(gpu, opening)?;
                     tick.is_new_scene = true;
                 }
                 (_, Err(error)) => {
-                    self.say(lines);
+                    self.take_in(problems);
                     self.failed = Some(error.to_string());
                 }
             }
@@ -282,10 +286,32 @@ impl Data {
             self.now = now;
             self.counted = Instant::now();
         }
-        let errors = live.take_errors();
-        let warnings = live.take_warnings().into_iter().map(|line| format!("warning: {line}"));
+        let (errors, warnings) = (live.take_errors(), live.take_warnings());
+        errors.iter().for_each(|line| self.problems.error(line));
+        warnings.iter().for_each(|line| self.problems.warn(line));
+        self.print();
+        let warnings = warnings.into_iter().map(|line| format!("warning: {line}"));
         self.say(errors.into_iter().chain(warnings).collect());
         Ok(tick)
+    }
+
+    /// What was found when files were opened.
+    fn take_in(&mut self, problems: Problems) {
+        self.say(problems.lines());
+        self.problems.join(problems);
+        self.print();
+    }
+
+    /// Notes are for the window alone.
+    fn print(&mut self) {
+        // A closed stderr is nothing to stop for.
+        let _ = self.problems.print(false, &mut std::io::stderr().lock());
+    }
+
+    /// What was wrong with inputs, all of it printed.
+    pub fn take_problems(&mut self) -> Problems {
+        let _ = self.problems.finish(false, &mut std::io::stderr().lock());
+        std::mem::take(&mut self.problems)
     }
 
     fn say(&mut self, lines: Vec<String>) {
@@ -305,7 +331,7 @@ impl Data {
     }
 
     /// More files, on the grid of those that are there.
-    fn join(&mut self, asked: Vec<OsString>, opening: Result<Opening, LoadError>, lines: Vec<String>) {
+    fn join(&mut self, asked: Vec<OsString>, opening: Result<Opening, LoadError>, mut problems: Problems) {
         let opening = match opening {
             Ok(opening) if self.reaches(&opening) => Ok(opening),
             Ok(_) => Err("they are too far from what is shown".to_owned()),
@@ -319,11 +345,12 @@ impl Data {
                     last.map(|at| self.inputs.remove(at));
                 }
                 let names: Vec<_> = asked.iter().map(|input| input.display().to_string()).collect();
-                self.say(lines);
+                problems.lose_all();
+                self.take_in(problems);
                 return self.say(vec![format!("{}: not added: {why}", names.join(", "))]);
             }
         };
-        self.say(lines);
+        self.take_in(problems);
         let core = self.widen(&opening.about);
         let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
         for (known, more) in about.whole.classes.iter_mut().zip(opening.about.classes.iter()) {
@@ -383,7 +410,8 @@ impl Data {
     }
 
     /// Files that have changed are opened: in the place of what they were.
-    fn renew(&mut self, files: &[usize], opening: Result<Opening, LoadError>, lines: Vec<String>) {
+    fn renew(&mut self, files: &[usize], opening: Result<Opening, LoadError>, problems: Problems) {
+        self.take_in(problems);
         let (opening, why) = match opening {
             Ok(opening) if self.reaches(&opening) => (Some(opening), String::new()),
             Ok(_) => (None, ": it is too far from the others".to_owned()),
@@ -400,7 +428,8 @@ impl Data {
             let path = |input: &OpenInput| input.input.file.path().to_owned();
             inputs.extend(opening.inputs.into_iter().map(|input| (path(&input), input)));
         }
-        let (mut new, mut back, mut lost, mut said) = (Vec::new(), Vec::new(), Vec::new(), lines);
+        let [mut back, mut lost] = [const { Vec::new() }; 2];
+        let (mut new, mut said) = (Vec::new(), Vec::new());
         for &number in files {
             let file = &mut about.files[number];
             let path = file.path.display();
@@ -540,14 +569,20 @@ impl Data {
     fn open_aside(&mut self, inputs: Vec<OsString>, known: Vec<PathBuf>, purpose: Purpose) {
         let world = self.about.as_ref().map(|about| about.world());
         let is_of_world = world.is_some();
+        let is_again = matches!(purpose, Purpose::Again(_));
         let (send, opening) = crossbeam_channel::bounded(1);
         let (options, wake) = (self.options.clone(), Arc::clone(&self.wake));
         std::thread::spawn(move || {
             let mut problems = Problems::default();
             let mut found = inputs::expand(&inputs);
-            found.failed.iter().for_each(|error| problems.error(error));
             let is_known = !found.files.is_empty() && found.files.iter().all(|path| known.contains(path));
             found.files.retain(|path| !known.contains(path));
+            if is_again {
+                // They were counted when they came.
+                found.failed.iter().for_each(|error| problems.error(error));
+            } else {
+                problems.look_at(&found);
+            }
             let options = LoadOptions {
                 cell: options.cell,
                 placement: PlacementOptions { known: world, ..options.placement },
@@ -561,7 +596,7 @@ impl Data {
                 false => load::open(&found.files, &options, &mut problems),
             };
             // The window may be gone.
-            let _ = send.send((opened, problems.take_lines()));
+            let _ = send.send((opened, problems));
             wake();
         });
         self.coming.push(Coming { opening, purpose, is_of_world });

@@ -18,6 +18,8 @@ pub mod watch;
 
 use crate::attribute::{ColorMode, ColorTable};
 use crate::gpu::{DeviceKind, Gpu, GpuOptions, Overlay, Swapchain, SyncPoint};
+use crate::output::{Protected, Target};
+use crate::problems::Problems;
 use crate::render::camera::{Camera, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Renderer, Shade};
 use crate::render::path::CameraPath;
@@ -92,7 +94,9 @@ pub struct Options {
     /// Close when the path is at its end.
     pub quit: bool,
     /// Where statistics of the frames go.
-    pub json: Option<PathBuf>,
+    pub json: Option<Target>,
+    /// What they are not written over.
+    pub protected: Protected,
     /// Tell on standard output what happens, for tests.
     pub log_events: bool,
 }
@@ -103,8 +107,9 @@ enum Wake {
     Quit,
 }
 
-/// Opens the window and runs it to its end.
-pub fn run(options: Options) -> anyhow::Result<()> {
+/// Opens the window and runs it to its end. What is wrong with inputs is printed as it comes up, and counted in
+/// `problems`.
+pub fn run(options: Options, problems: &mut Problems) -> anyhow::Result<()> {
     let started = Instant::now();
     let events = EventLoop::<Wake>::with_user_event().build().context(NO_WINDOW)?;
     let proxy = events.create_proxy();
@@ -117,10 +122,11 @@ pub fn run(options: Options) -> anyhow::Result<()> {
     if let Some(error) = error {
         return Err(error);
     }
-    let Some(viewer) = viewer else { return Ok(()) };
-    if let Some(path) = &options.json {
+    let Some(mut viewer) = viewer else { return Ok(()) };
+    *problems = viewer.data.take_problems();
+    if let Some(to) = &options.json {
         let waited = viewer.data.status().frames_waited;
-        viewer.statistics.write(waited, path).with_context(|| path.display().to_string())?;
+        to.write(&viewer.statistics.json(waited)?, &options.protected)?;
     }
     let (gpu, failed) = (viewer.gpu.clone(), viewer.data.status().failed);
     drop(viewer);

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// The first name of the kind `stem-0001.extension` in `folder` that is free.
 pub fn next_free(folder: &Path, stem: &str, extension: &str) -> PathBuf {
     let name = |number: u32| folder.join(format!("{stem}-{number:04}.{extension}"));
-    (1..).map(name).find(|path| !path.exists()).expect("some number is free")
+    (1..).map(name).find(|path| path.symlink_metadata().is_err()).expect("some number is free")
 }
 
 /// The last name of that kind that is taken.

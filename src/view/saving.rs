@@ -6,6 +6,7 @@ use super::redraw::traced;
 use super::{SAMPLES, Viewer, save, shown_path};
 use crate::attribute::{ColorMode, ColorTable};
 use crate::gpu::{Buffer, Commands, SyncPoint};
+use crate::output::Output;
 use crate::render::camera::Camera;
 use crate::render::frame::Renderer;
 use crate::render::image::{Image, ImageError};
@@ -99,7 +100,7 @@ impl Writer {
         let (eye, target) = (place(camera.eye()), place(camera.target()));
         let send = self.send.clone();
         self.threads.push(std::thread::spawn(move || {
-            let written = image.write(&path, false, &[("Eye", &eye), ("Target", &target)]);
+            let written = image.write(Output::fresh(&path), false, &[("Eye", &eye), ("Target", &target)]);
             // The window may be gone.
             let _ = send.send((path, written));
             wake();

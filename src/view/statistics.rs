@@ -1,7 +1,7 @@
 //! Times of a window's frames, for programs.
 
+use crate::output::Signed;
 use serde::Serialize;
-use std::path::Path;
 
 /// What is written at the end.
 #[derive(Serialize)]
@@ -119,8 +119,8 @@ impl Statistics {
         self.waits = waits;
     }
 
-    /// Writes JSON; `waited`: frames that stood still for the sake of a section.
-    pub fn write(&self, waited: u64, path: &Path) -> anyhow::Result<()> {
+    /// As JSON; `waited`: frames that stood still for the sake of a section.
+    pub fn json(&self, waited: u64) -> anyhow::Result<String> {
         let report = Report {
             first_frame_ms: self.first_frame,
             first_picture_ms: self.first_picture,
@@ -130,9 +130,6 @@ impl Statistics {
             waited_for_section: waited,
             laps: &self.laps,
         };
-        crate::render::whole_file::write_whole(path, |out| {
-            serde_json::to_writer_pretty(out, &report).map_err(std::io::Error::from)
-        })?;
-        Ok(())
+        Ok(serde_json::to_string_pretty(&Signed::new(report))? + "\n")
     }
 }

@@ -47,9 +47,6 @@ pub fn page(report: &Report) -> String {
         page.push('\n');
         block(&mut page, &title, &total_rows(all));
     }
-    for failed in &report.failed {
-        let _ = writeln!(page, "failed: {failed}");
-    }
     page
 }
 
