@@ -145,17 +145,13 @@ impl Protected {
         few: &[(&'static str, PathBuf)],
     ) -> Result<(), String> {
         let (mut first, mut more) = (None, 0u64);
-        let few_names: Vec<_> = few.iter().map(|(option, path)| (*option, one_name(path))).collect();
-        for (option, path) in few.iter().cloned().chain(many) {
-            let is_alike = |(_, name): &&(_, PathBuf)| {
-                let [a, b] =
-                    [name, &path].map(|path| path.file_name().unwrap_or_default().to_ascii_lowercase());
-                a == b
-            };
-            let same = few_names
-                .iter()
-                .filter(is_alike)
-                .find(|(other, name)| *other != option && *name == one_name(&path));
+        let names: Vec<_> = few.iter().map(|(option, path)| (*option, one_name(path))).collect();
+        let last = |path: &Path| path.file_name().unwrap_or_default().to_ascii_lowercase();
+        for (at, (option, path)) in few.iter().cloned().chain(many).enumerate() {
+            // Each with those before it; of the many, no two are alike.
+            let alike = names.iter().take(at).filter(|(_, name)| last(name) == last(&path));
+            let same =
+                alike.map(|(other, name)| (*other, *name == one_name(&path))).find(|(_, is_same)| *is_same);
             let wrong = match (self.check(&path), same) {
                 (Err(refusal), _) => refusal.to_string(),
                 (Ok(()), Some((other, _))) => {

@@ -15,9 +15,11 @@ fn data() -> Option<PathBuf> {
     None
 }
 
-fn info(words: &[&std::ffi::OsStr]) -> (Option<i32>, String) {
+/// Exit code, standard output, standard error.
+fn info(words: &[&std::ffi::OsStr]) -> (Option<i32>, String, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_lasray")).arg("info").args(words).output().unwrap();
-    (output.status.code(), String::from_utf8(output.stdout).unwrap())
+    let [printed, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+    (output.status.code(), printed, said)
 }
 
 #[test]
@@ -31,7 +33,8 @@ fn classes_and_points() {
         ("urban/870000_6618000.subset.50mx100m.las", 70_840, vec![(1, 29_593), (2, 34_316), (6, 6_931)]),
     ];
     for (name, points, classes) in cases {
-        let (code, text) = info(&[data.join(name).as_os_str(), "--scan".as_ref(), "--json".as_ref()]);
+        let (code, text, _) =
+            info(&[data.join(name).as_os_str(), "--scan".as_ref(), "--json".as_ref(), "-".as_ref()]);
         let json: Value = serde_json::from_str(&text).unwrap();
         let scan = &json["files"][0]["scan"];
         assert_eq!((code, scan["points"].as_u64()), (Some(0), Some(points)), "{name}");
@@ -45,14 +48,14 @@ fn classes_and_points() {
 fn what_fails_is_named() {
     let Some(data) = data() else { return };
     let odd = data.join("odd");
-    let (code, text) = info(&[odd.as_os_str()]);
+    let (code, _, text) = info(&[odd.as_os_str()]);
     assert_eq!(code, Some(0));
     assert!(text.contains("broken_coder.laz: byte 281"), "{text}");
-    let (code, _) = info(&[odd.as_os_str(), "--strict".as_ref()]);
+    let (code, ..) = info(&[odd.as_os_str(), "--strict".as_ref()]);
     assert_eq!(code, Some(1));
-    let (code, text) = info(&[data.join("hostile/empty_file.las").as_os_str()]);
+    let (code, _, text) = info(&[data.join("hostile/empty_file.las").as_os_str()]);
     assert_eq!(code, Some(1));
     assert!(text.contains("empty file"), "{text}");
-    let (code, _) = info(&[]);
+    let (code, ..) = info(&[]);
     assert_eq!(code, Some(2));
 }

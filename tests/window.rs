@@ -470,7 +470,10 @@ fn without_anything_to_see_the_window_says_why() {
         let status = window.program.wait().unwrap();
         let said = window.said.take().unwrap().join().unwrap();
         assert_eq!(status.code(), Some(1), "{said}");
-        assert_eq!(said.lines().count(), 1, "{said}");
-        assert!(said.starts_with("lasray: nothing to draw"), "{said}");
+        let lines: Vec<_> = said.lines().collect();
+        let [file, nothing, count] = lines[..] else { panic!("{said}") };
+        assert!(file.starts_with("error: broken.las: not a LAS file"), "{said}");
+        assert!(nothing.starts_with("lasray: nothing to draw"), "{said}");
+        assert_eq!(count, "1 of 1 input left out or failed");
     });
 }
