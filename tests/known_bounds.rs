@@ -391,7 +391,7 @@ fn opening_sees_what_is_wrong() {
         let input = opening.inputs.remove(0);
         let told = input.input.file.chunks.iter().map(|chunk| input.known.of(chunk).map(|(told, _)| told));
         assert!(!problems.failed);
-        (told.collect::<Vec<_>>(), problems.take_lines())
+        (told.collect::<Vec<_>>(), problems.lines())
     };
     let chunks = file.chunks.len();
     assert_eq!(open(), (vec![None; chunks], vec![]));

@@ -31,7 +31,7 @@ fn open(gpu: &Gpu, paths: &[PathBuf], cache: Option<&Cache>) -> (World, Vec<Stri
     if let Some(cache) = cache {
         world.live.keep_learned(cache.clone());
     }
-    (world, problems.take_lines())
+    (world, problems.lines())
 }
 
 fn files(paths: &[PathBuf]) -> Vec<LidarFile> {
