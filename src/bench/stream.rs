@@ -25,6 +25,7 @@ use crate::stream::residency::Sight;
 use crate::stream::scene::{Scene, Visibility};
 use anyhow::Context;
 use glam::DVec2;
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -72,6 +73,7 @@ pub struct Case<'a> {
     scene: Scene,
     renderer: Renderer,
     clock: Option<Timestamps>,
+    errors: BTreeSet<String>,
 }
 
 /// One frame.
@@ -184,6 +186,7 @@ impl<'a> Case<'a> {
             about,
             renderer: Renderer::new(&scene, grid, anchor)?,
             clock: Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?,
+            errors: BTreeSet::new(),
             scene,
         })
     }
@@ -289,6 +292,7 @@ impl<'a> Case<'a> {
         let before = self.scene.counters().waits;
         let frames = cameras.iter().map(|camera| self.frame(live, camera));
         let frames = frames.collect::<anyhow::Result<Vec<_>>>()?;
+        self.errors.extend(live.take_errors());
         let waits = self.scene.counters().waits - before;
         Ok(Flight { frames, waits, bytes_read: live.status(&self.scene).progress.bytes_read })
     }
@@ -301,6 +305,7 @@ impl<'a> Case<'a> {
                 return Err(Stopped.into());
             }
             let tick = live.tick(&mut self.scene, &sight, FILL_BYTES)?;
+            self.errors.extend(live.take_errors());
             if tick.complete {
                 return Ok(());
             }
@@ -311,6 +316,11 @@ impl<'a> Case<'a> {
             self.scene.flush()?;
             live.wait(Duration::from_millis(2));
         }
+    }
+
+    /// What could not be read in any of the flights, each once.
+    pub fn take_errors(&mut self) -> BTreeSet<String> {
+        std::mem::take(&mut self.errors)
     }
 
     /// Draws `camera` with all that it wants, so that every pass is compiled.

@@ -579,6 +579,7 @@ impl Harness<'_> {
                 ));
                 self.report.stream.push(row);
             }
+            case.take_errors().iter().for_each(|error| self.problems.error(error));
         }
         Ok(())
     }

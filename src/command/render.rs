@@ -404,7 +404,7 @@ fn each(
         match data.and_then(|data| draw(gpu, data, args, &output, None, protected, problems)) {
             Ok(()) => drawn = true,
             // Why nothing is left has been said.
-            Err(error) if error.is::<LoadError>() && problems.said() > said => problems.failed = true,
+            Err(error) if error.is::<LoadError>() && problems.said() > said => problems.lost(path),
             Err(error) => {
                 problems.error(format!("{}: {error}", path.display()));
                 usage = usage.or(error.downcast::<UsageError>().ok());

@@ -26,6 +26,8 @@ impl fmt::Display for Kind {
 
 const UNPACK: &str = "unpack it first";
 const CONVERT: &str = "convert it to LAS or LAZ first, for instance with PDAL or CloudCompare";
+const TEXT: &str = "convert it to LAS or LAZ first, for instance with PDAL or CloudCompare; a list of files takes an @ \
+                    before its name";
 const EXPORT: &str = "export it as LAS or LAZ with the program that made it";
 const NO_POINTS: &str = "it holds no points; give the .las or .laz files that it was made of";
 
@@ -102,7 +104,7 @@ static KINDS: &[Kind] = &[
     no_data("a spatial index", "give the .las or .laz file that it belongs to", &[(0, b"LASX")], &[".lax"]),
     kind("a mesh (OBJ)", CONVERT, &[], &[".obj"]),
     // Such names may as well be anything else.
-    no_data("a text file", CONVERT, &[], &[".xyz", ".txt", ".csv", ".pts", ".ptx"]),
+    no_data("a text file", TEXT, &[], &[".xyz", ".txt", ".csv", ".pts", ".ptx"]),
 ];
 
 static REMOTE: Kind = no_data(

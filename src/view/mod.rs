@@ -118,12 +118,14 @@ pub fn run(options: Options, problems: &mut Problems) -> anyhow::Result<()> {
     ctrlc::set_handler(move || drop(quit.send_event(Wake::Quit))).context("cannot listen for Ctrl-C")?;
     let mut app = App { options, proxy, started, viewer: None, error: None };
     events.run_app(&mut app).context("the window's event loop")?;
-    let App { options, viewer, error, .. } = app;
+    let App { options, mut viewer, error, .. } = app;
+    if let Some(viewer) = &mut viewer {
+        *problems = viewer.data.take_problems();
+    }
     if let Some(error) = error {
         return Err(error);
     }
-    let Some(mut viewer) = viewer else { return Ok(()) };
-    *problems = viewer.data.take_problems();
+    let Some(viewer) = viewer else { return Ok(()) };
     if let Some(to) = &options.json {
         let waited = viewer.data.status().frames_waited;
         to.write(&viewer.statistics.json(waited)?, &options.protected)?;

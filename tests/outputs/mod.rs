@@ -382,6 +382,11 @@ fn the_last_line_counts_what_is_missing() {
             0,
             "11 of 13 inputs left out or failed".to_owned(),
         ),
+        (
+            "bench in/cut.las in/a.las in/b.las --stream --frames 2 --runs 1 --paths turn --size 32x18 --cell 1",
+            0,
+            "1 of 3 inputs left out or failed".to_owned(),
+        ),
         ("bench in/a.las in/empty1.las --load", 1, "1 of 2 inputs left out or failed".to_owned()),
     ];
     for (line, code, last) in cases {
