@@ -71,9 +71,9 @@ pub enum PlanError {
     },
     /// Files of those names are there.
     #[error(
-        "{}: {}refused: {}: give another name{}",
+        "{}{}: refused: {}: give another name{}",
         path.display(),
-        if *others > 0 { format!("and {others} more: ") } else { String::new() },
+        if *others > 0 { format!(" (and {others} more)") } else { String::new() },
         if *ours { "a file of that name is there" } else { "the file there was not made by `lasray synth`" },
         if *ours { ", or --force to make it anew" } else { "" }
     )]
