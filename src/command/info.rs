@@ -4,12 +4,13 @@ mod scan;
 mod text;
 
 use super::Outcome;
+use super::placement::PlacementArgs;
 use crate::attribute::ColorMode;
 use crate::gpu::{DeviceInfo, list_devices};
 use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
 use crate::source::crs::{Crs, CrsKind, Unit};
 use crate::source::inputs;
-use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
+use crate::source::placement::{Placement, PlacementNote};
 use anyhow::Context;
 use scan::Scan;
 use serde::Serialize;
@@ -31,12 +32,8 @@ pub struct Args {
     /// Machine-readable output
     #[arg(long)]
     json: bool,
-    /// Unit of heights, whatever the files say: m, ft or us-ft
-    #[arg(long, value_name = "UNIT")]
-    z_unit: Option<Unit>,
-    /// Take files of different coordinate systems together, in raw coordinates
-    #[arg(long)]
-    mix_crs: bool,
+    #[command(flatten)]
+    placement: PlacementArgs,
     /// Exit code 1 if any input fails
     #[arg(long)]
     strict: bool,
@@ -231,7 +228,7 @@ fn gather(args: &Args) -> Report {
             Err(error) => failed.push(error.to_string()),
         }
     }
-    let options = PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None };
+    let options = args.placement.options();
     let sample = sample::take(&files, &options, &Budget::default());
     let scans = if args.scan { scan::every_file(&files, args.quiet) } else { Vec::new() };
     let mut scans = scans.into_iter();
@@ -303,7 +300,7 @@ fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
     }
     if let Some(scan) = &mut scan {
         // Files may differ in how their coordinates come into the world; each has its own bounds.
-        let as_is = |placement: &Option<Placement>| placement.is_none_or(|placement| placement.is_identity());
+        let as_is = |placement: &Option<Placement>| placement.as_ref().is_none_or(Placement::is_identity);
         scan.bounds = scan.bounds.filter(|_| sample.world.placements.iter().all(as_is));
         scan.damage.clear();
     }

@@ -2,6 +2,7 @@
 
 mod frames;
 
+use super::placement::PlacementArgs;
 use super::{Outcome, UsageError};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
 use crate::coords::{Height, SectionKey, tidy};
@@ -15,10 +16,8 @@ use crate::render::path::CameraPath;
 use crate::render::sight::sight;
 use crate::render::whole_file::write_whole;
 use crate::section::{Columns, Packed};
-use crate::source::crs::Unit;
 use crate::source::inputs;
 use crate::source::learned::Cache;
-use crate::source::placement::PlacementOptions;
 use crate::stream::bins::{Budget, Core};
 use crate::stream::builds::OpenInput;
 use crate::stream::live::{Live, Status};
@@ -128,12 +127,8 @@ pub struct Args {
     /// Side of a cell in CRS units, or auto
     #[arg(long, default_value = "auto", value_parser = cell, help_heading = "Data")]
     cell: Cell,
-    /// Draw files of different coordinate systems by their raw coordinates
-    #[arg(long, help_heading = "Data")]
-    mix_crs: bool,
-    /// Unit of heights, where the files are wrong: m, ft or us-ft
-    #[arg(long, help_heading = "Data", value_name = "UNIT")]
-    z_unit: Option<Unit>,
+    #[command(flatten)]
+    placement: PlacementArgs,
     /// Pixels that a cell may cover: farther away cells are coarser; 0: finest cells everywhere [default: 1, for
     /// exact pictures (--shade none, EXR) 0]
     #[arg(long, value_parser = detail, help_heading = "Data", value_name = "PIXELS")]
@@ -338,7 +333,7 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
         })?;
     let options = LoadOptions {
         cell: args.cell.0,
-        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None },
+        placement: args.placement.options(),
         rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
         budget: Budget {
             host_bytes: args.host_memory,
@@ -595,10 +590,10 @@ fn draw(
         Data::Live(Opening { inputs, grid, core, about }) => (grid, about, Content::Live(inputs, core)),
     };
     let floor = about.floor(grid.cell());
-    let About { bounds, summary, color, crs, unit, placement, .. } = about;
+    let About { bounds, summary, color, crs, unit, base, .. } = about;
     let pivot = bounds.min.z;
     let shown = bounds.exaggerated(args.z_scale, pivot);
-    let place = |v: DVec3| placement.place(v.x, v.y, v.z);
+    let place = |v: DVec3| base.place(v);
     let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
     let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
     let (cameras, size) = match film {
