@@ -221,7 +221,9 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         };
         match note {
             PlacementNote::LeftOut { .. } => problems.error(line),
-            PlacementNote::NotDegrees { .. } | PlacementNote::NotGeocentric { .. } => problems.warn(line),
+            PlacementNote::NotDegrees { .. }
+            | PlacementNote::NotGeocentric { .. }
+            | PlacementNote::VerticalSystems(_) => problems.warn(line),
             _ => problems.note(line),
         }
     }

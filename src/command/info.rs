@@ -117,7 +117,9 @@ struct FileReport {
     density: Option<f64>,
     /// "absent" where the format has none; "none" where the fields hold no colour.
     rgb: &'static str,
-    /// It is not drawn, since its coordinate system is not that of most files.
+    /// Its coordinate system is transformed into that of all.
+    transformed: bool,
+    /// It is not drawn, since there is no way from its coordinate system into that of all.
     left_out: bool,
     /// A part of it could not be read.
     #[serde(skip)]
@@ -281,6 +283,7 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
         crs: crs.as_ref().map(Into::into),
         density,
         rgb,
+        transformed: sample.world.placements[index].as_ref().is_some_and(Placement::is_transformed),
         left_out: sample.world.placements[index].is_none() && file.points() > 0,
         unreadable: file.points() < header.claimed_points,
         warnings: warnings.chain(crs_errors.iter().map(ToString::to_string)).collect(),
@@ -309,7 +312,7 @@ fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
         files: drawn.clone().count(),
         points: sample.points,
         bounds: sample.bounds.map(Into::into),
-        decimals: match sample.world.unit.is_some() && files.iter().any(|f| is_degrees(f.crs.as_ref())) {
+        decimals: match is_degrees(sample.world.crs.as_ref()) {
             true => [2; 3],
             false => finest.reduce(|a, b| [0, 1, 2].map(|i| a[i].max(b[i]))).unwrap_or_default(),
         },

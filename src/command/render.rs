@@ -717,7 +717,13 @@ fn draw(
         write_whole(path, |file| file.write_all(text.as_bytes()))
             .with_context(|| format!("{}: cannot be written", path.display()))?;
     }
-    if let Some(world) = args.ortho.and_then(|_| WorldFile::of(&cameras[0].basis(size).ok()?)) {
+    let world_file = || {
+        // In the world's own coordinates, degrees among them, not in those that are drawn.
+        let [east, north] = base.horizontal_scale()?;
+        let world = args.ortho.and_then(|_| WorldFile::of(&cameras[0].basis(size).ok()?))?;
+        Some(world.scaled([1.0 / east, 1.0 / north]))
+    };
+    if let Some(world) = world_file() {
         world.write_beside(output)?;
         if let Some(wkt) = crs.as_ref().and_then(crate::source::crs::Crs::prj) {
             write_prj_beside(output, &wkt)?;

@@ -643,10 +643,11 @@ fn ways(
         if files == 0 {
             continue;
         }
-        let mut operation = through.operation.clone();
-        if through.assumes_datum {
-            operation.push_str(", one datum taken for the other");
-        }
+        let operation = match through.assumes_datum {
+            true => "one datum taken for the other".to_owned(),
+            false if through.keeps_datum() => "on the same datum".to_owned(),
+            false => through.operation.clone(),
+        };
         world.notes.push(PlacementNote::Transformed {
             files,
             from: crs.name.clone(),

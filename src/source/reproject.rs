@@ -115,6 +115,11 @@ impl Reprojection {
         })
     }
 
+    /// Both systems are on one datum.
+    pub fn keeps_datum(&self) -> bool {
+        self.transform.selected_operation().id.is_none() && self.accuracy == Some(0.0)
+    }
+
     /// Z takes part, in metres on both sides.
     pub fn is_spatial(&self) -> bool {
         self.is_spatial
