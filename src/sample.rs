@@ -242,9 +242,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
         let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| drawable(*point)).collect();
         let file = &files[index].file;
-        // Points that are all known need no header; a header that leaves out the few that are known is wrong.
-        let header = header_bounds(file, placement)
-            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed));
+        // Points that are all known need no header; a header that leaves out the few that are known is wrong. A box
+        // that was turned is wider than what is in it: where points tell enough it is not needed.
+        let is_wide = placement.is_transformed() && placed.len() >= TELLING;
+        let header = header_bounds(file, placement).filter(|bounds| {
+            !is_wide && !(whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed)
+        });
         (file.points() > 0).then(|| frame::file_bounds(header, &placed))?
     };
     let bounds: Vec<Option<Bounds>> = (0..files.len()).map(file_bounds).collect();

@@ -421,7 +421,7 @@ fn points_come_to_where_cs2cs_puts_them() {
         std::fs::write(&out, text).unwrap();
         // The old form keeps east before north whatever the register says.
         let ran = std::process::Command::new("cs2cs")
-            .args(["-f", "%.6f", &format!("+init=epsg:{from}"), "+to", &format!("+init=epsg:{to}")])
+            .args(["-f", "%.10f", &format!("+init=epsg:{from}"), "+to", &format!("+init=epsg:{to}")])
             .arg(out.path())
             .output()
             .unwrap();

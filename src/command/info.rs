@@ -307,14 +307,14 @@ fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
         scan.bounds = scan.bounds.filter(|_| sample.world.placements.iter().all(as_is));
         scan.damage.clear();
     }
-    let finest = drawn.clone().map(|report| report.decimals);
+    let finest = drawn.clone().filter(|report| !report.transformed).map(|report| report.decimals);
     Total {
         files: drawn.clone().count(),
         points: sample.points,
         bounds: sample.bounds.map(Into::into),
         decimals: match is_degrees(sample.world.crs.as_ref()) {
             true => [2; 3],
-            false => finest.reduce(|a, b| [0, 1, 2].map(|i| a[i].max(b[i]))).unwrap_or_default(),
+            false => finest.reduce(|a, b| [0, 1, 2].map(|i| a[i].max(b[i]))).unwrap_or([2; 3]),
         },
         crs: sample.world.crs.as_ref().map(Into::into),
         unit: sample.world.unit.clone(),
