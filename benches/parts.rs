@@ -58,7 +58,7 @@ fn binning(c: &mut Criterion) {
     let file = town(folder.path(), Format::Three, "las");
     let mut blocks = Vec::new();
     decode(&file, &mut |block| blocks.push(block.clone()));
-    let input = Input { file, placement: Placement::AsIs, rgb: RgbDepth::Sixteen };
+    let input = Input { file, placement: Placement::default(), rgb: RgbDepth::Sixteen };
     let mut group = c.benchmark_group("bin");
     group.throughput(Throughput::Elements(POINTS)).sample_size(20);
     for cell in [0.25, 0.3, 1.0] {

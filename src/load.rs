@@ -10,7 +10,7 @@ use crate::section::Columns;
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::Cache;
-use crate::source::placement::{KnownWorld, Placement, PlacementNote, PlacementOptions};
+use crate::source::placement::{Fit, KnownWorld, PlacementNote, PlacementOptions};
 use crate::source::{LidarFile, crs::Crs, crs::Unit};
 use crate::stream::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::stream::builds::OpenInput;
@@ -211,7 +211,9 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         };
         match note {
             PlacementNote::LeftOut { .. } => problems.error(line),
-            PlacementNote::NotDegrees { .. } | PlacementNote::NotGeocentric { .. } => problems.warn(line),
+            PlacementNote::NotDegrees { .. }
+            | PlacementNote::NotGeocentric { .. }
+            | PlacementNote::VerticalSystems(_) => problems.warn(line),
             _ => problems.note(line),
         }
     }
@@ -237,7 +239,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
 
     let mut inputs = Vec::new();
     for (index, opened) in opened.into_iter().enumerate() {
-        if let Some(placement) = sample.world.placements[index] {
+        if let Some(placement) = sample.world.placements[index].clone() {
             let rgb = match (sample.files[index].rgb, options.rgb_bits) {
                 (_, Some(8)) => RgbDepth::Eight,
                 (_, Some(_)) => RgbDepth::Sixteen,
@@ -256,7 +258,6 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         }
     }
     let color = ColorMode::auto(&sample.attributes);
-    let placement = inputs.first().map_or(Placement::AsIs, |i| i.input.placement);
     let about = About {
         subject,
         bounds,
@@ -265,7 +266,6 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         color,
         crs: sample.world.crs,
         unit: sample.world.unit,
-        placement,
         base: sample.world.base,
         cell,
     };
@@ -381,8 +381,7 @@ pub fn tiles_of(
         color: ColorMode::Rgb,
         crs: None,
         unit,
-        placement: Placement::AsIs,
-        base: Placement::AsIs,
+        base: Fit::AsIs,
         cell,
     };
     finish(bins, about, points, options, problems)
@@ -405,10 +404,8 @@ pub struct About {
     pub crs: Option<Crs>,
     /// Unit of E, N and U.
     pub unit: Option<Unit>,
-    /// File coordinates to world coordinates, of the first file.
-    pub placement: Placement,
-    /// The same of all, but for the unit of heights.
-    pub base: Placement,
+    /// Coordinates of the world's system to E, N, U as they are drawn: eyes, paths and picks go through it.
+    pub base: Fit,
     /// Side of a finest cell, CRS units.
     pub cell: f64,
 }

@@ -222,7 +222,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
     let shown = |seen: &Seen| everything || !hidden_by_default(seen.class, seen.flags);
     let place = |file: usize, seen: &Seen| {
         let point = unpack(&files[file].file, seen.raw);
-        let placement = world.placements[file].expect("only files that are drawn are sampled");
+        let placement = world.placements[file].as_ref().expect("only files that are drawn are sampled");
         placement.place(point.x, point.y, point.z)
     };
     let mut classes = vec![0.0; 256];
@@ -242,9 +242,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
         let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| drawable(*point)).collect();
         let file = &files[index].file;
-        // Points that are all known need no header; a header that leaves out the few that are known is wrong.
-        let header = header_bounds(file, placement)
-            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed));
+        // Points that are all known need no header; a header that leaves out the few that are known is wrong. A box
+        // that was turned is wider than what is in it: where points tell enough it is not needed.
+        let is_wide = placement.is_transformed() && placed.len() >= TELLING;
+        let header = header_bounds(file, placement).filter(|bounds| {
+            !is_wide && !(whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed)
+        });
         (file.points() > 0).then(|| frame::file_bounds(header, &placed))?
     };
     let bounds: Vec<Option<Bounds>> = (0..files.len()).map(file_bounds).collect();
@@ -332,11 +335,31 @@ fn in_nodes(file: &LidarFile, firsts: &[Seen]) -> bool {
 
 fn facts<'a>(files: &'a [Opened], firsts: &[Vec<Seen>]) -> Vec<FileFacts<'a>> {
     let facts = |(Opened { file, crs, .. }, seen): (&'a Opened, &Vec<Seen>)| FileFacts {
+        path: file.path(),
         crs: crs.as_ref(),
         points: file.points(),
         centre: median(seen.iter().map(|seen| unpack(file, seen.raw))),
+        extent: extent(file, seen),
     };
     files.iter().zip(firsts).map(facts).collect()
+}
+
+/// First points from which on their spread tells how wide a file is; with fewer its header does.
+const TELLING: usize = 50;
+
+/// How far a file's points spread, file coordinates: strays aside, as far as the first points show.
+fn extent(file: &LidarFile, firsts: &[Seen]) -> DVec3 {
+    if firsts.len() < TELLING {
+        let of_header = file.header.max - file.header.min;
+        return if of_header.is_finite() { of_header.max(DVec3::ZERO) } else { DVec3::ZERO };
+    }
+    let points: Vec<DVec3> = firsts.iter().map(|seen| unpack(file, seen.raw)).collect();
+    let spread = |axis: usize| {
+        let mut values: Vec<(f64, f64)> = points.iter().map(|point| (point[axis], 1.0)).collect();
+        let mut at = |share| quantile(&mut values, share).unwrap_or(0.0);
+        at(0.95) - at(0.05)
+    };
+    DVec3::new(spread(0), spread(1), spread(2))
 }
 
 /// The points of each place.
@@ -457,12 +480,11 @@ fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
     let stored = |corner: DVec3| {
         ((corner - file.header.offset) / file.header.scale).abs().max_element() < 2_147_483_648.5
     };
-    match placement {
-        Placement::Turned { .. } => None,
-        _ if !stored(min) || !stored(max) => None,
-        _ => Bounds::new(placement.place(min.x, min.y, min.z), placement.place(max.x, max.y, max.z))
-            .filter(|bounds| drawable(bounds.min) && drawable(bounds.max)),
+    if !placement.keeps_axes() || !stored(min) || !stored(max) || !min.cmple(max).all() {
+        return None;
     }
+    let [min, max] = placement.bounds(min, max)?;
+    Bounds::new(min, max).filter(|bounds| drawable(bounds.min) && drawable(bounds.max))
 }
 
 /// The value below which `share` of the weight lies; sorts `values` (value, weight).

@@ -32,7 +32,7 @@ const POINTS: usize = 70;
 fn check(paths: &[PathBuf], cell: Option<f64>, mix_crs: bool) -> Result<Option<u64>, TestCaseError> {
     let options = LoadOptions {
         cell,
-        placement: PlacementOptions { mix_crs, z_unit: None, known: None },
+        placement: PlacementOptions { mix_crs, ..Default::default() },
         rgb_bits: None,
         budget: Budget { host_bytes: 32 << 20, device_bytes: 64 << 20 },
         cache: None,

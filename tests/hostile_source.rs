@@ -94,7 +94,7 @@ fn read(file: LidarFile) -> (u64, Vec<String>) {
     let everywhere = [i64::MIN / 2..i64::MAX / 2, i64::MIN / 2..i64::MAX / 2];
     let bins = Bins::new(grid, everywhere, Budget { host_bytes: 1 << 30, device_bytes: 1 << 30 });
     let progress = Progress::default();
-    let inputs = [Input { file, placement: Placement::AsIs, rgb: RgbDepth::None }];
+    let inputs = [Input { file, placement: Placement::default(), rgb: RgbDepth::None }];
     let errors = read_all(&inputs, &bins, 2, &progress);
     (progress.points.into_inner(), errors.iter().map(ToString::to_string).collect())
 }

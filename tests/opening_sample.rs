@@ -162,7 +162,7 @@ fn frames_of_real_files() {
             let (scale, offset) = (file.header.scale, file.header.offset);
             every_point(file, |raw, class, flags| {
                 let [x, y, z] = [0, 1, 2].map(|axis| f64::from(raw[axis]) * scale[axis] + offset[axis]);
-                let point = placement.unwrap().place(x, y, z);
+                let point = placement.as_ref().unwrap().place(x, y, z);
                 if !sample::hidden_by_default(class, flags) {
                     shown += 1;
                     // Header bounds are rounded in their last digit.

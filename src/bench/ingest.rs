@@ -110,7 +110,7 @@ impl Case {
         let mut opened = sample::open_all(&[path.to_owned()]);
         let opened = [opened.remove(0)?];
         let sample = sample::take(&opened, &PlacementOptions::default(), &sample::Budget::default());
-        let placed = sample.bounds.zip(sample.world.placements[0]);
+        let placed = sample.bounds.zip(sample.world.placements[0].clone());
         let (bounds, placement) =
             placed.with_context(|| format!("{}: no point can be drawn", path.display()))?;
         let bounds = Bounds { min: bounds.min, max: bounds.max }.snapped();

@@ -18,7 +18,7 @@ use crate::render::path::{
     Aim, CameraPath, DEFAULT_FPS, FAST_CELLS, Interpolation, Keyframe, PathFault, PathKind, Stage,
 };
 use crate::render::sight::sight;
-use crate::source::placement::Placement;
+use crate::source::placement::Fit;
 use crate::stream::live::{FRAME_BYTES, Live};
 use crate::stream::pool::Access;
 use crate::stream::residency::Sight;
@@ -196,9 +196,9 @@ impl<'a> Case<'a> {
         self.points
     }
 
-    /// File coordinates to world coordinates.
-    pub fn placement(&self) -> &Placement {
-        &self.about.placement
+    /// Coordinates of the world's system to those that are drawn.
+    pub fn base(&self) -> &Fit {
+        &self.about.base
     }
 
     /// A path of the benchmark over the data.

@@ -1,5 +1,6 @@
 //! `lasray bench`: the timing harness.
 
+use super::placement::PlacementArgs;
 use super::render::{bytes, positive, size, usage_of_load};
 use super::synth::count;
 use super::{Outcome, UsageError, check_targets};
@@ -19,9 +20,8 @@ use crate::output::{Protected, Target, print};
 use crate::problems::Problems;
 use crate::render::frame::{FrameError, Shade, check_size};
 use crate::render::path::{CameraPath, PathKind};
-use crate::source::crs::Unit;
 use crate::source::inputs::{self, Inputs};
-use crate::source::placement::{Placement, PlacementOptions};
+use crate::source::placement::Fit;
 use crate::stream::bins::Budget;
 use crate::stream::scene::Visibility;
 use crate::synth;
@@ -144,12 +144,8 @@ pub struct Args {
     /// Which town, which random path
     #[arg(long, default_value_t = 1, help_heading = "Data")]
     seed: u64,
-    /// Read files of different coordinate systems by their raw coordinates
-    #[arg(long, help_heading = "Data")]
-    mix_crs: bool,
-    /// Unit of heights, where the files are wrong: m, ft or us-ft
-    #[arg(long, help_heading = "Data", value_name = "UNIT")]
-    z_unit: Option<Unit>,
+    #[command(flatten)]
+    placement: PlacementArgs,
 
     /// Write all figures there, - for standard output; the tables go to standard error then, with --quiet nowhere
     #[arg(long, help_heading = "Output", value_name = "FILE")]
@@ -330,7 +326,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
 fn load_options(args: &Args) -> LoadOptions {
     LoadOptions {
         cell: Some(args.cell),
-        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None },
+        placement: args.placement.options(),
         rgb_bits: None,
         // Nothing is coarsened: cells are what is compared.
         budget: Budget { host_bytes: u64::MAX, device_bytes: u64::MAX },
@@ -357,7 +353,7 @@ fn world(
     found: &Inputs,
     [cell, widest]: [f64; 2],
     problems: &mut Problems,
-) -> anyhow::Result<(World, Placement)> {
+) -> anyhow::Result<(World, Fit)> {
     let loaded = if args.inputs.is_empty() {
         town(args, cell, widest, problems)
     } else {
@@ -366,10 +362,10 @@ fn world(
     };
     let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
     let loaded = loaded?;
-    let placement = loaded.about.placement;
+    let base = loaded.about.base;
     let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, None, None)?;
     let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
-    Ok((World::new(loaded, seen, colors), placement))
+    Ok((World::new(loaded, seen, colors), base))
 }
 
 /// Whether `error` says that the device is too small, and nothing worse.
@@ -399,7 +395,7 @@ impl Harness<'_> {
         }
     }
 
-    fn world(&mut self, cell: f64, widest: f64) -> anyhow::Result<(World, Placement)> {
+    fn world(&mut self, cell: f64, widest: f64) -> anyhow::Result<(World, Fit)> {
         world(self.args, self.found, [cell, widest], self.problems)
     }
 
@@ -415,11 +411,11 @@ impl Harness<'_> {
             [] if files.is_empty() => PathKind::ALL.to_vec(),
             chosen => chosen.to_vec(),
         };
-        let (world, placement) = self.world(args.cell, args.cell)?;
+        let (world, base) = self.world(args.cell, args.cell)?;
         let [width, depth] = world.cells();
         self.say(format_args!("{width} x {depth} cells, repeated without end"));
         let files = files.into_iter().map(|path| {
-            let placed = path.placed(|v| placement.place(v.x, v.y, v.z));
+            let placed = path.placed(|v| base.place(v));
             let placed = placed.map_err(|e| UsageError(format!("camera path: {e}")))?;
             if frames::fits(&world, &placed) {
                 Ok(placed)
@@ -565,7 +561,7 @@ impl Harness<'_> {
                 paths.push(case.path(kind, args.seed)?);
             }
             for path in &files {
-                let placed = path.placed(|v| case.placement().place(v.x, v.y, v.z));
+                let placed = path.placed(|v| case.base().place(v));
                 paths.push(placed.map_err(|e| UsageError(format!("camera path: {e}")))?);
             }
             self.say(format_args!("{} points, compiling", case.points()));

@@ -3,6 +3,7 @@
 mod scan;
 mod text;
 
+use super::placement::PlacementArgs;
 use super::{Outcome, check_targets};
 use crate::attribute::ColorMode;
 use crate::gpu::{DeviceInfo, list_devices};
@@ -11,7 +12,7 @@ use crate::problems::Problems;
 use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
 use crate::source::crs::{Crs, CrsKind, Unit};
 use crate::source::inputs::{self, Inputs};
-use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
+use crate::source::placement::{Placement, PlacementNote};
 use anyhow::Context;
 use scan::Scan;
 use serde::Serialize;
@@ -32,12 +33,8 @@ pub struct Args {
     /// Write all of it there, for programs; -: to standard output, in the place of the page for people
     #[arg(long, value_name = "FILE")]
     json: Option<Target>,
-    /// Unit of heights, whatever the files say: m, ft or us-ft
-    #[arg(long, value_name = "UNIT")]
-    z_unit: Option<Unit>,
-    /// Take files of different coordinate systems together, in raw coordinates
-    #[arg(long)]
-    mix_crs: bool,
+    #[command(flatten)]
+    placement: PlacementArgs,
     /// Exit code 1 if any input fails
     #[arg(long)]
     strict: bool,
@@ -121,7 +118,9 @@ struct FileReport {
     density: Option<f64>,
     /// "absent" where the format has none; "none" where the fields hold no colour.
     rgb: &'static str,
-    /// It is not drawn, since its coordinate system is not that of most files.
+    /// Its coordinate system is transformed into that of all.
+    transformed: bool,
+    /// It is not drawn, since there is no way from its coordinate system into that of all.
     left_out: bool,
     /// A part of it could not be read.
     #[serde(skip)]
@@ -238,7 +237,7 @@ fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Report {
             }
         }
     }
-    let options = PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None };
+    let options = args.placement.options();
     let sample = sample::take(&files, &options, &Budget::default());
     let scans = if args.scan { scan::every_file(&files, args.quiet) } else { Vec::new() };
     let mut scans = scans.into_iter();
@@ -270,7 +269,7 @@ fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Report {
             problems.lost(opened.file.path());
         }
     }
-    let all = total(&files, &sample, &reports);
+    let all = total(&sample, &reports);
     Report { files: reports, failed, all }
 }
 
@@ -306,6 +305,7 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
         crs: crs.as_ref().map(Into::into),
         density,
         rgb,
+        transformed: sample.world.placements[index].as_ref().is_some_and(Placement::is_transformed),
         left_out: sample.world.placements[index].is_none() && file.points() > 0,
         unreadable: file.points() < header.claimed_points,
         warnings: warnings.chain(crs_errors.iter().map(ToString::to_string)).collect(),
@@ -313,7 +313,7 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
     }
 }
 
-fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
+fn total(sample: &Sample, reports: &[FileReport]) -> Total {
     let note = |note: &PlacementNote| match note.file() {
         Some(index) => format!("{}: {note}", reports[index].path),
         None => note.to_string(),
@@ -325,18 +325,18 @@ fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
     }
     if let Some(scan) = &mut scan {
         // Files may differ in how their coordinates come into the world; each has its own bounds.
-        let as_is = |placement: &Option<Placement>| placement.is_none_or(|placement| placement.is_identity());
+        let as_is = |placement: &Option<Placement>| placement.as_ref().is_none_or(Placement::is_identity);
         scan.bounds = scan.bounds.filter(|_| sample.world.placements.iter().all(as_is));
         scan.damage.clear();
     }
-    let finest = drawn.clone().map(|report| report.decimals);
+    let finest = drawn.clone().filter(|report| !report.transformed).map(|report| report.decimals);
     Total {
         files: drawn.clone().count(),
         points: sample.points,
         bounds: sample.bounds.map(Into::into),
-        decimals: match sample.world.unit.is_some() && files.iter().any(|f| is_degrees(f.crs.as_ref())) {
+        decimals: match is_degrees(sample.world.crs.as_ref()) {
             true => [2; 3],
-            false => finest.reduce(|a, b| [0, 1, 2].map(|i| a[i].max(b[i]))).unwrap_or_default(),
+            false => finest.reduce(|a, b| [0, 1, 2].map(|i| a[i].max(b[i]))).unwrap_or([2; 3]),
         },
         crs: sample.world.crs.as_ref().map(Into::into),
         unit: sample.world.unit.clone(),

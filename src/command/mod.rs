@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod info;
+pub mod placement;
 pub mod render;
 pub mod synth;
 #[cfg(feature = "view")]

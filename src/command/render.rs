@@ -2,6 +2,7 @@
 
 mod frames;
 
+use super::placement::PlacementArgs;
 use super::{Outcome, UsageError, check_targets};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
 use crate::coords::{Height, SectionKey, tidy};
@@ -15,10 +16,9 @@ use crate::render::image::{Format, Image, SideFiles, WorldFile};
 use crate::render::path::CameraPath;
 use crate::render::sight::sight;
 use crate::section::{Columns, Packed};
-use crate::source::crs::{Crs, Unit};
+use crate::source::crs::Crs;
 use crate::source::inputs::{self, Inputs};
 use crate::source::learned::Cache;
-use crate::source::placement::PlacementOptions;
 use crate::stream::bins::{Budget, Core};
 use crate::stream::builds::OpenInput;
 use crate::stream::live::{Live, Status};
@@ -127,12 +127,8 @@ pub struct Args {
     /// Side of a cell in CRS units, or auto
     #[arg(long, default_value = "auto", value_parser = cell, help_heading = "Data")]
     cell: Cell,
-    /// Draw files of different coordinate systems by their raw coordinates
-    #[arg(long, help_heading = "Data")]
-    mix_crs: bool,
-    /// Unit of heights, where the files are wrong: m, ft or us-ft
-    #[arg(long, help_heading = "Data", value_name = "UNIT")]
-    z_unit: Option<Unit>,
+    #[command(flatten)]
+    placement: PlacementArgs,
     /// Pixels that a cell may cover: farther away cells are coarser; 0: finest cells everywhere [default: 1, for
     /// exact pictures (--shade none, EXR) 0]
     #[arg(long, value_parser = detail, help_heading = "Data", value_name = "PIXELS")]
@@ -345,7 +341,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         })?;
     let options = LoadOptions {
         cell: args.cell.0,
-        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None },
+        placement: args.placement.options(),
         rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
         budget: Budget {
             host_bytes: args.host_memory,
@@ -598,10 +594,10 @@ fn draw(
         Data::Live(Opening { inputs, grid, core, about }) => (grid, about, Content::Live(inputs, core)),
     };
     let floor = about.floor(grid.cell());
-    let About { bounds, summary, color, crs, unit, placement, .. } = about;
+    let About { bounds, summary, color, crs, unit, base, .. } = about;
     let pivot = bounds.min.z;
     let shown = bounds.exaggerated(args.z_scale, pivot);
-    let place = |v: DVec3| placement.place(v.x, v.y, v.z);
+    let place = |v: DVec3| base.place(v);
     let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
     let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
     let (cameras, size) = match film {
@@ -678,7 +674,11 @@ fn draw(
     // Solid columns are seen from below, too.
     let seen_down_to = if args.shade == Shade::Lit { floor } else { bounds.min.z - 1e6 };
     let side = film.is_none().then(|| {
-        let world = args.ortho.and_then(|_| WorldFile::of(&cameras[0].basis(size).ok()?));
+        let world = args.ortho.and_then(|_| {
+            // In the world's own coordinates, degrees among them, not in those that are drawn.
+            let [east, north] = base.horizontal_scale()?;
+            Some(WorldFile::of(&cameras[0].basis(size).ok()?)?.scaled([1.0 / east, 1.0 / north]))
+        });
         SideFiles::new(output, world.as_ref(), crs.as_ref().and_then(Crs::prj).as_deref())
     });
     let beside = side.as_ref().map_or(String::new(), SideFiles::note);

@@ -1,5 +1,6 @@
 //! `lasray view`: the window.
 
+use super::placement::PlacementArgs;
 use super::render::{Cell, ClassList, Color, Orbit};
 use super::{Outcome, UsageError, check_targets, render};
 use crate::attribute::ClassMask;
@@ -8,10 +9,8 @@ use crate::output::{Protected, Target};
 use crate::problems::Problems;
 use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
 use crate::render::path::CameraPath;
-use crate::source::crs::Unit;
 use crate::source::inputs;
 use crate::source::learned::Cache;
-use crate::source::placement::PlacementOptions;
 use crate::stream::scene::Visibility;
 use crate::view;
 use glam::DVec3;
@@ -74,12 +73,8 @@ pub struct Args {
     /// Side of a cell in CRS units, or auto
     #[arg(long, default_value = "auto", value_parser = render::cell, help_heading = "Data")]
     cell: Cell,
-    /// Draw files of different coordinate systems by their raw coordinates
-    #[arg(long, help_heading = "Data")]
-    mix_crs: bool,
-    /// Unit of heights, where the files are wrong: m, ft or us-ft
-    #[arg(long, help_heading = "Data", value_name = "UNIT")]
-    z_unit: Option<Unit>,
+    #[command(flatten)]
+    placement: PlacementArgs,
     /// Bits of the RGB fields, where the choice from the data is wrong
     #[arg(long, value_parser = ["8", "16"], help_heading = "Data")]
     rgb_bits: Option<String>,
@@ -138,7 +133,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let classes = args.hide.map_or(shown, |list| shown.without(&list.0));
     let data = view::data::Options {
         cell: args.cell.0,
-        placement: PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit, known: None },
+        placement: args.placement.options(),
         rgb_bits: args.rgb_bits.map(|bits| if bits == "8" { 8 } else { 16 }),
         host_bytes: args.host_memory,
         device_bytes: args.device_memory,

@@ -1,6 +1,7 @@
 //! What a file says about its coordinate reference system: well-known text or GeoTIFF keys to a name,
 //! units and kind. Pure functions over the bytes of (E)VLRs. Source: LAS 1.4 R15, 3; OGC 19-008r4.
 
+use super::system::System;
 use super::wkt::{self, Node};
 use super::{LidarFile, SourceError, VlrEntry};
 use std::collections::HashMap;
@@ -21,6 +22,10 @@ pub struct Crs {
     pub kind: CrsKind,
     /// The definition: the file's own, else the one of its EPSG code.
     pub wkt: Option<String>,
+    /// Name of the vertical system, where there is one.
+    pub vertical: Option<String>,
+    /// What the horizontal system is, where the definition says it.
+    pub system: Option<System>,
 }
 
 /// What X, Y, Z are.
@@ -191,14 +196,22 @@ pub fn from_records<'a>(
         }
     }
     let mut errors = Vec::new();
-    let mut note = |result: Result<Option<Crs>, CrsError>| {
-        result.unwrap_or_else(|error| {
+    let text = texts.into_iter().find_map(|payload| match from_wkt_bytes(payload) {
+        Ok((crs, fault)) => {
+            errors.extend(fault.map(CrsError::Syntax));
+            crs
+        }
+        Err(error) => {
+            errors.push(error);
+            None
+        }
+    });
+    let keys = keys.and_then(|directory| {
+        from_geotiff(directory, doubles, ascii).unwrap_or_else(|error| {
             errors.push(error);
             None
         })
-    };
-    let text = texts.into_iter().find_map(|payload| note(from_wkt_bytes(payload)));
-    let keys = keys.and_then(|directory| note(from_geotiff(directory, doubles, ascii)));
+    });
     let (first, second) = if wkt_bit { (text, keys) } else { (keys, text) };
     let crs = match (first, second) {
         // Keys without a code name a projection that only the text beside them defines.
@@ -208,8 +221,9 @@ pub fn from_records<'a>(
     (crs, errors)
 }
 
-/// Reads the payload of a WKT record; `None` when it is empty.
-pub fn from_wkt_bytes(payload: &[u8]) -> Result<Option<Crs>, CrsError> {
+/// Reads the payload of a WKT record; `None` when it is empty. With the system comes the fault in the text behind what
+/// defines it, if there is one: what was parsed before counts.
+pub fn from_wkt_bytes(payload: &[u8]) -> Result<(Option<Crs>, Option<wkt::SyntaxError>), CrsError> {
     let end = payload.iter().position(|&byte| byte == 0).unwrap_or(payload.len());
     let payload = &payload[..end];
     if payload.len() > wkt::MAX_BYTES {
@@ -219,13 +233,14 @@ pub fn from_wkt_bytes(payload: &[u8]) -> Result<Option<Crs>, CrsError> {
     let text = String::from_utf8_lossy(payload);
     let text = text.trim().trim_start_matches('\u{feff}');
     if text.is_empty() {
-        return Ok(None);
+        return Ok((None, None));
     }
     if let Some(byte) = payload.iter().position(|byte| byte.is_ascii_control() && !byte.is_ascii_whitespace())
     {
         return Err(CrsError::NotText { byte });
     }
-    from_wkt(text).map(Some)
+    let (crs, fault) = parse(text)?;
+    Ok((Some(crs), fault))
 }
 
 const COMPOUND: &[&str] = &["COMPD_CS", "COMPOUNDCRS"];
@@ -255,10 +270,28 @@ const ANGLE_UNIT: &[&str] = &["UNIT", "ANGLEUNIT"];
 
 /// Reads a definition in WKT1 or WKT2.
 pub fn from_wkt(text: &str) -> Result<Crs, CrsError> {
-    let roots = wkt::parse(text)?;
-    let root = &roots[0];
+    match parse(text)? {
+        (_, Some(fault)) => Err(fault.into()),
+        (crs, None) => Ok(crs),
+    }
+}
+
+/// Reads a definition, and says what is wrong with the text behind what was needed of it.
+fn parse(text: &str) -> Result<(Crs, Option<wkt::SyntaxError>), CrsError> {
+    let (roots, fault) = wkt::parse(text);
+    let Some(root) = roots.first() else {
+        return Err(fault.unwrap_or(wkt::SyntaxError { byte: 0, reason: "a keyword was expected" }).into());
+    };
     let (horizontal, vertical) = split(root);
-    let horizontal = horizontal.ok_or_else(|| CrsError::NotACrs { keyword: root.keyword.to_owned() })?;
+    // A system that breaks off before its unit could be in any.
+    let says_unit = |node: &Node| node.child(&["UNIT", "LENGTHUNIT", "ANGLEUNIT"]).is_some();
+    let horizontal = match horizontal {
+        Some(node) if !node.is_cut || says_unit(node) => node,
+        _ => {
+            let not_a_crs = CrsError::NotACrs { keyword: root.keyword.to_owned() };
+            return Err(fault.map_or(not_a_crs, CrsError::Syntax));
+        }
+    };
     // A vertical system belongs beside the horizontal one; ESRI writes it after, others inside it.
     let vertical = vertical
         .or_else(|| roots.iter().find(|node| node.is(VERTICAL)))
@@ -302,8 +335,20 @@ pub fn from_wkt(text: &str) -> Result<Crs, CrsError> {
     };
     let horizontal_name = named(horizontal).unwrap_or_else(|| unnamed(kind));
     let compound_name = root.is(COMPOUND).then(|| named(root)).flatten();
-    let name = compound_name.unwrap_or_else(|| join(horizontal_name, vertical.and_then(named)));
-    Ok(Crs { name, epsg: epsg(horizontal), horizontal_unit, vertical_unit, kind, wkt: Some(text.to_owned()) })
+    let vertical_name = vertical.and_then(named);
+    let name = compound_name.unwrap_or_else(|| join(horizontal_name, vertical_name.clone()));
+    let epsg = epsg(horizontal);
+    let crs = Crs {
+        name,
+        epsg,
+        system: System::from_wkt(horizontal, kind, horizontal_unit.si, epsg),
+        horizontal_unit,
+        vertical_unit,
+        kind,
+        wkt: Some(text.to_owned()),
+        vertical: vertical_name,
+    };
+    Ok((crs, fault))
 }
 
 /// The horizontal and the vertical part of a definition.
@@ -364,6 +409,8 @@ mod key {
     pub const CITATION: u16 = 1026;
     pub const GEODETIC_CRS: u16 = 2048;
     pub const GEODETIC_CITATION: u16 = 2049;
+    pub const SEMI_MAJOR_AXIS: u16 = 2057;
+    pub const INVERSE_FLATTENING: u16 = 2059;
     pub const ANGULAR_UNIT: u16 = 2054;
     pub const ANGULAR_UNIT_SIZE: u16 = 2055;
     pub const PROJECTED_CRS: u16 = 3072;
@@ -470,19 +517,36 @@ pub fn from_geotiff(directory: &[u8], doubles: &[u8], ascii: &[u8]) -> Result<Op
     }
     let mut crs = match code.and_then(definition) {
         Some(crs) => with_unit(crs, stated, citation),
-        None => Crs {
-            name: citation
-                .or_else(|| code.map(|code| format!("EPSG:{code}")))
-                .unwrap_or_else(|| unnamed(kind)),
-            epsg: code.map(u32::from),
-            horizontal_unit: stated.unwrap_or_else(|| match kind {
+        None => {
+            let horizontal_unit = stated.unwrap_or_else(|| match kind {
                 CrsKind::Geographic => Unit::degree(),
                 _ => Unit::metre(),
-            }),
-            vertical_unit: None,
-            kind,
-            wkt: None,
-        },
+            });
+            let spelled_out = || {
+                let angle = keys.unit(key::ANGULAR_UNIT, key::ANGULAR_UNIT_SIZE, &ANGLES);
+                let angle = angle.unwrap_or_else(Unit::degree);
+                let ellipsoid = keys.double(key::SEMI_MAJOR_AXIS).zip(keys.double(key::INVERSE_FLATTENING));
+                System::from_geokeys(
+                    [keys.code(key::PROJECTION_METHOD), keys.code(key::PROJECTION), geodetic_code],
+                    horizontal_unit.si,
+                    angle.si,
+                    ellipsoid.map(|(a, rf)| [a, rf]),
+                    |id| keys.double(id),
+                )
+            };
+            Crs {
+                name: citation
+                    .or_else(|| code.map(|code| format!("EPSG:{code}")))
+                    .unwrap_or_else(|| unnamed(kind)),
+                epsg: code.map(u32::from),
+                system: (kind == CrsKind::Projected).then(spelled_out).flatten(),
+                horizontal_unit,
+                vertical_unit: None,
+                kind,
+                wkt: None,
+                vertical: None,
+            }
+        }
     };
     let vertical = keys.code(key::VERTICAL_CRS).and_then(vertical_definition);
     let stated = keys.short(key::VERTICAL_UNIT).and_then(Unit::from_epsg);
@@ -490,7 +554,8 @@ pub fn from_geotiff(directory: &[u8], doubles: &[u8], ascii: &[u8]) -> Result<Op
     crs.vertical_unit = stated.or(unit).or(crs.vertical_unit);
     // A compound code has named its vertical part already.
     if !crs.wkt.as_ref().is_some_and(|text| text.starts_with(COMPOUND[0])) {
-        crs.name = join(crs.name, name.or_else(|| keys.text(key::VERTICAL_CITATION)));
+        crs.vertical = name.or_else(|| keys.text(key::VERTICAL_CITATION));
+        crs.name = join(crs.name, crs.vertical.clone());
     }
     Ok(Some(crs))
 }
@@ -512,6 +577,7 @@ fn with_unit(crs: Crs, stated: Option<Unit>, citation: Option<String>) -> Crs {
         _ => Crs {
             name: citation.unwrap_or_else(|| format!("{} in {}", crs.name, stated.name)),
             epsg: None,
+            system: crs.system.map(|system| system.in_unit(stated.si)),
             horizontal_unit: stated,
             wkt: None,
             ..crs
@@ -539,7 +605,7 @@ fn register() -> &'static Register {
                     register.twins.insert(name, definition.code);
                 }
             } else if text.starts_with(COMPOUND[0])
-                && let Ok(roots) = wkt::parse(text)
+                && let (roots, None) = wkt::parse(text)
                 && let Some(node) = roots[0].child(VERTICAL)
                 && let (Some(code), Some(name)) = (epsg(node), node.name())
             {
@@ -560,12 +626,12 @@ impl Crs {
     pub fn prj(&self) -> Option<String> {
         let code = self.epsg.and_then(|code| u16::try_from(code).ok());
         let own = self.wkt.as_deref()?;
-        let roots = wkt::parse(own).ok()?;
-        let horizontal = split(&roots[0]).0?;
+        let (roots, _) = wkt::parse(own);
+        let horizontal = split(roots.first()?).0.filter(|node| !node.is_cut)?;
         let wkt1 = ["PROJCS", "GEOGCS", "GEOCCS", "LOCAL_CS"];
         if !horizontal.is(&wkt1)
             && let Some(known) = code.and_then(crs_definitions::from_code)
-            && let Ok(known) = wkt::parse(known.wkt)
+            && let (known, None) = wkt::parse(known.wkt)
             && let Some(known) = split(&known[0]).0
             && known.is(&wkt1)
         {
@@ -574,14 +640,36 @@ impl Crs {
         Some(horizontal.text.to_owned())
     }
 
-    /// Whether X and Y mean the same in both: by code where both have one, else by name; and by unit.
+    /// Whether X and Y mean the same in both: by what the systems are, whatever they are called. Where a definition does
+    /// not say it, by code if both have one, else by name; and by unit.
     pub fn same_horizontal(&self, other: &Crs) -> bool {
+        if let (Some(a), Some(b)) = (&self.system, &other.system) {
+            return a.is(b);
+        }
         let same_unit = (self.horizontal_unit.si / other.horizontal_unit.si - 1.0).abs() < 1e-9;
         let same = match (self.epsg, other.epsg) {
             (Some(a), Some(b)) => a == b,
             _ => plain(&self.name) == plain(&other.name),
         };
         same && same_unit && self.kind == other.kind
+    }
+
+    /// WGS 84 as longitude and latitude, or counted from the Earth's centre: what coordinates are recognised as.
+    pub fn recognised(geocentric: bool) -> Crs {
+        let (name, epsg, kind, unit) = match geocentric {
+            false => ("WGS 84", 4326, CrsKind::Geographic, Unit::degree()),
+            true => ("WGS 84 (geocentric)", 4978, CrsKind::Geocentric, Unit::metre()),
+        };
+        Crs {
+            name: name.into(),
+            epsg: Some(epsg),
+            horizontal_unit: unit,
+            vertical_unit: None,
+            kind,
+            wkt: definition(epsg as u16).and_then(|crs| crs.wkt),
+            vertical: None,
+            system: Some(System::wgs84(geocentric)),
+        }
     }
 }
 
@@ -698,8 +786,8 @@ mod tests {
         assert!(matches!(errors[..], [CrsError::Syntax(_)]));
         assert!(from_wkt_bytes(b"VERT_CS[\"x\"]").is_err());
         assert!(from_wkt_bytes(&[1, 2, 3, 200]).is_err());
-        assert_eq!(from_wkt_bytes(b"").unwrap(), None);
-        assert_eq!(from_wkt_bytes(b"  \0junk").unwrap(), None);
+        assert_eq!(from_wkt_bytes(b"").unwrap(), (None, None));
+        assert_eq!(from_wkt_bytes(b"  \0junk").unwrap(), (None, None));
     }
 
     #[test]

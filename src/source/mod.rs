@@ -22,7 +22,9 @@ pub mod lax;
 mod layers;
 pub mod learned;
 pub mod placement;
+pub mod reproject;
 mod stream;
+pub mod system;
 mod vlr;
 mod wkt;
 

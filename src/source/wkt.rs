@@ -17,6 +17,8 @@ pub struct Node<'a> {
     pub text: &'a str,
     /// In order.
     pub values: Vec<Value<'a>>,
+    /// The text broke off inside it: there may be more.
+    pub is_cut: bool,
 }
 
 /// A value of a [`Node`].
@@ -77,36 +79,45 @@ impl<'a> Node<'a> {
     }
 }
 
-/// The nodes of `text`: one, or several side by side as ESRI writes a vertical system.
-pub fn parse(text: &str) -> Result<Vec<Node<'_>>, SyntaxError> {
-    let mut parser = Parser { text, at: 0 };
-    if text.len() > MAX_BYTES {
-        return Err(parser.error("longer than any definition"));
-    }
+/// The nodes of `text`: one, or several side by side as ESRI writes a vertical system. With a fault comes what was parsed
+/// before it; the nodes around it end there.
+pub fn parse(text: &str) -> (Vec<Node<'_>>, Option<SyntaxError>) {
+    let mut parser = Parser { text, at: 0, fault: None };
     let mut roots = Vec::new();
-    loop {
+    if text.len() > MAX_BYTES {
+        parser.fail("longer than any definition");
+        return (roots, parser.fault);
+    }
+    while parser.fault.is_none() {
         let start = parser.skip_space();
         let keyword = parser.word();
         if keyword.is_empty() {
-            return Err(parser.error("a keyword was expected"));
+            parser.fail("a keyword was expected");
+            break;
         }
-        roots.push(parser.node(keyword, start, 0)?);
+        roots.extend(parser.node(keyword, start, 0));
         parser.skip_space();
         if !parser.take(b',') {
             break;
         }
     }
-    if parser.at < text.len() { Err(parser.error("text after the end")) } else { Ok(roots) }
+    if parser.at < text.len() {
+        parser.fail("text after the end");
+    }
+    (roots, parser.fault)
 }
 
 struct Parser<'a> {
     text: &'a str,
     at: usize,
+    /// The first one: nothing is parsed behind it.
+    fault: Option<SyntaxError>,
 }
 
 impl<'a> Parser<'a> {
-    fn error(&self, reason: &'static str) -> SyntaxError {
-        SyntaxError { byte: self.at, reason }
+    fn fail(&mut self, reason: &'static str) {
+        let byte = self.at;
+        self.fault.get_or_insert(SyntaxError { byte, reason });
     }
 
     fn peek(&self) -> Option<u8> {
@@ -135,56 +146,73 @@ impl<'a> Parser<'a> {
         &self.text[start..self.at]
     }
 
-    fn node(&mut self, keyword: &'a str, start: usize, depth: usize) -> Result<Node<'a>, SyntaxError> {
+    /// Behind the keyword; `None` where no bracket follows.
+    fn node(&mut self, keyword: &'a str, start: usize, depth: usize) -> Option<Node<'a>> {
         if depth == MAX_DEPTH {
-            return Err(self.error("nested too deep"));
+            self.fail("nested too deep");
+            return None;
         }
         self.skip_space();
         let close = match self.peek() {
             Some(b'[') => b']',
             Some(b'(') => b')',
-            _ => return Err(self.error("[ was expected")),
+            _ => {
+                self.fail("[ was expected");
+                return None;
+            }
         };
         self.at += 1;
         let mut values = Vec::new();
         self.skip_space();
         if !self.take(close) {
-            loop {
-                values.push(self.value(depth)?);
+            while self.fault.is_none() {
+                values.extend(self.value(depth));
+                if self.fault.is_some() {
+                    break;
+                }
                 self.skip_space();
                 if self.take(close) {
                     break;
                 }
                 if !self.take(b',') {
-                    return Err(self.error(", or ] was expected"));
+                    self.fail(", or ] was expected");
                 }
             }
         }
-        Ok(Node { keyword, text: &self.text[start..self.at], values })
+        let is_cut = self.fault.is_some();
+        Some(Node { keyword, text: &self.text[start..self.at], values, is_cut })
     }
 
-    fn value(&mut self, depth: usize) -> Result<Value<'a>, SyntaxError> {
+    fn value(&mut self, depth: usize) -> Option<Value<'a>> {
         let start = self.skip_space();
         if self.take(b'"') {
             return self.quoted();
         }
         let word = self.word();
         if word.is_empty() {
-            return Err(self.error("a value was expected"));
+            self.fail("a value was expected");
+            return None;
         }
         self.skip_space();
         match self.peek() {
-            Some(b'[' | b'(') => Ok(Value::Node(self.node(word, start, depth + 1)?)),
-            _ => Ok(Value::Word(word)),
+            Some(b'[' | b'(') => self.node(word, start, depth + 1).map(Value::Node),
+            // A number that breaks off may be another one.
+            None => {
+                self.fail(", or ] was expected");
+                None
+            }
+            _ => Some(Value::Word(word)),
         }
     }
 
     /// After the opening quote; a doubled quote stands for one.
-    fn quoted(&mut self) -> Result<Value<'a>, SyntaxError> {
+    fn quoted(&mut self) -> Option<Value<'a>> {
         let start = self.at;
         loop {
             let Some(length) = self.text[self.at..].find('"') else {
-                return Err(SyntaxError { byte: start, reason: "the quote is not closed" });
+                self.at = start;
+                self.fail("the quote is not closed");
+                return None;
             };
             self.at += length + 1;
             if !self.take(b'"') {
@@ -192,7 +220,7 @@ impl<'a> Parser<'a> {
             }
         }
         let text = &self.text[start..self.at - 1];
-        Ok(Value::Text(if text.contains('"') { text.replace("\"\"", "\"").into() } else { text.into() }))
+        Some(Value::Text(if text.contains('"') { text.replace("\"\"", "\"").into() } else { text.into() }))
     }
 }
 
@@ -202,7 +230,7 @@ mod tests {
 
     #[test]
     fn both_brackets_words_numbers_and_quotes() {
-        let roots = parse(r#" A("x ""y""", -1.5e-3 ,NORTH,B[],C["ü"]) "#).unwrap();
+        let (roots, None) = parse(r#" A("x ""y""", -1.5e-3 ,NORTH,B[],C["ü"]) "#) else { panic!() };
         let [a] = &roots[..] else { panic!() };
         assert_eq!(a.name(), Some("x \"y\""));
         assert_eq!(a.number(1), Some(-0.0015));
@@ -213,18 +241,32 @@ mod tests {
 
     #[test]
     fn several_roots() {
-        assert_eq!(parse("A[1],B[2]").unwrap().len(), 2);
+        assert_eq!(parse("A[1],B[2]").0.len(), 2);
     }
 
     #[test]
-    fn every_cut_of_a_definition_is_an_error_with_a_place() {
+    fn every_cut_of_a_definition_is_a_fault_with_a_place() {
         let text = crs_definitions::EPSG_7405.wkt;
-        assert!(parse(text).is_ok());
+        assert_eq!(parse(text).1, None);
         for end in 0..text.len() {
-            let error = parse(&text[..end]).unwrap_err();
-            assert!(error.byte <= end);
+            let fault = parse(&text[..end]).1.unwrap();
+            assert!(fault.byte <= end);
         }
-        assert_eq!(parse("A[1]]").unwrap_err().byte, 4);
-        assert!(parse(&"A[".repeat(100_000)).is_err());
+        assert_eq!(parse("A[1]]").1.unwrap().byte, 4);
+        assert!(parse(&"A[".repeat(100_000)).1.is_some());
+    }
+
+    #[test]
+    fn what_stands_before_a_fault_is_there() {
+        let (roots, fault) = parse(r#"A["x",B[1,C["y"]],D["z",12"#);
+        assert!(fault.is_some());
+        let a = &roots[0];
+        assert!(a.is_cut && a.name() == Some("x"));
+        assert!(!a.child(&["B"]).unwrap().is_cut);
+        let d = a.child(&["D"]).unwrap();
+        // 12 may have been the beginning of 123.
+        assert!(d.is_cut && d.values.len() == 1);
+        let (roots, fault) = parse(r#"A["x",B[1]]],C["v",U[2]]"#);
+        assert_eq!((roots.len(), fault.unwrap().byte), (1, 11));
     }
 }

@@ -12,7 +12,6 @@ use crate::coords::{Grid, SectionKey};
 use crate::sample::Bounds;
 use crate::source::SourceError;
 use crate::source::known::{Known, RawBounds, Told};
-use crate::source::placement::Placement;
 use glam::DVec3;
 use roaring::RoaringBitmap;
 use std::collections::{HashMap, HashSet, VecDeque};
@@ -175,18 +174,10 @@ fn around([low, high]: Cells) -> Cells {
     [low.map(|cell| cell - 1), high.map(|cell| cell + 1)]
 }
 
-/// World box of a box in a file, where the way there keeps boxes.
-pub fn placed(placement: &Placement, [low, high]: [DVec3; 2]) -> Option<[DVec3; 2]> {
-    if matches!(placement, Placement::Turned { .. }) {
-        return None;
-    }
-    let (a, b) = (placement.place(low.x, low.y, low.z), placement.place(high.x, high.y, high.z));
-    Some([a.min(b), a.max(b)])
-}
-
 /// The cells of a chunk's bounds.
 fn cells_of_raw(grid: &Grid, input: &Input, bounds: &RawBounds) -> Option<Cells> {
-    let [low, high] = placed(&input.placement, bounds.unpacked(&input.file.header))?;
+    let [low, high] = bounds.unpacked(&input.file.header);
+    let [low, high] = input.placement.bounds(low, high)?;
     cells_of(grid, low, high)
 }
 
@@ -273,8 +264,8 @@ impl Builds {
         for chunk in &file.chunks {
             let known = known.of(chunk);
             let node = || {
-                let bounds = file.chunk_bounds(chunk).filter(|_| in_nodes)?;
-                let [low, high] = placed(&input.placement, bounds)?;
+                let [low, high] = file.chunk_bounds(chunk).filter(|_| in_nodes)?;
+                let [low, high] = input.placement.bounds(low, high)?;
                 Some((Told::File, cells_of(&grid, low, high)?))
             };
             let cells = known.and_then(|(told, bounds)| Some((told, cells_of_raw(&grid, &input, &bounds)?)));

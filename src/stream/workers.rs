@@ -41,9 +41,7 @@ impl Meaning for Input {
             to.iter_mut().zip(&raw[first..]).for_each(|(to, &raw)| *to = f64::from(raw) * scale + offset);
         }
         if !self.placement.is_identity() {
-            for ((e, n), u) in e.iter_mut().zip(n).zip(u) {
-                (*e, *n, *u) = self.placement.place(*e, *n, *u).into();
-            }
+            self.placement.place_many(e, n, u);
         }
     }
 

@@ -69,7 +69,7 @@ impl Viewer {
 
     pub(super) fn open_view(&mut self, path: &Path) {
         let Some(about) = self.data.about() else { return };
-        let place = |v: DVec3| about.placement.place(v.x, v.y, v.z);
+        let place = |v: DVec3| about.base.place(v);
         let camera = CameraPath::read(path)
             .map_err(|e| e.to_string())
             .and_then(|view| view.placed(place).map_err(|e| e.to_string()))

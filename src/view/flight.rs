@@ -50,7 +50,7 @@ impl Viewer {
         let Some(about) = self.data.about().filter(|_| self.is_framed && is_there && !is_over) else {
             return Ok(Flight::Over);
         };
-        let placed = path.placed(|v| about.placement.place(v.x, v.y, v.z))?;
+        let placed = path.placed(|v| about.base.place(v))?;
         let end = Instant::now() + LOOKS;
         while self.flown.lap > 0 && self.flown.gathered < *frames {
             if let Some(frame) = placed.spread(*frames).nth(self.flown.gathered as usize) {

@@ -111,7 +111,7 @@ impl Viewer {
     /// The first view: as the options say, or all of the data.
     pub(super) fn first_view(&mut self, options: &Options) -> anyhow::Result<()> {
         let (Some(framed), Some(about)) = (self.framed(), self.data.about()) else { return Ok(()) };
-        let place = |v: DVec3| about.placement.place(v.x, v.y, v.z);
+        let place = |v: DVec3| about.base.place(v);
         let projection = Projection::Perspective { fov: options.fov };
         let (angles, distance) = options.orbit.unwrap_or((DEFAULT_ORBIT, None));
         let size = self.place.size;
@@ -156,9 +156,9 @@ impl Viewer {
 
     pub(super) fn go_to(&mut self, (e, n, u): (f64, f64, Option<f64>)) {
         let Some(about) = self.data.about() else { return };
-        let (bounds, placement) = (about.bounds, about.placement);
-        let file = placement.unplace(bounds.center());
-        let world = placement.place(e, n, u.unwrap_or(file.z));
+        let (bounds, base) = (about.bounds, about.base);
+        let middle = base.unplace(bounds.center());
+        let world = base.place(DVec3::new(e, n, u.unwrap_or(middle.z)));
         let shown = world.with_z(bounds.min.z + (world.z - bounds.min.z) * self.settings.z_scale);
         let length = (bounds.max - bounds.min).truncate().max_element();
         let distance = (self.camera.target() - self.camera.eye()).length().min(length * 0.1).max(1.0);

@@ -6,7 +6,7 @@ use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color
 use crate::coords::tidy;
 use crate::render::frame::Shade;
 use crate::render::screen::Place;
-use crate::source::placement::Placement;
+use crate::source::crs::CrsKind;
 use crate::stream::scene::Visibility;
 use egui::{
     Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,
@@ -263,14 +263,14 @@ fn plot(ui: &mut Ui, name: &str, history: &History) {
     }
 }
 
-/// What lies under the cursor, in the coordinates of the files.
+/// What lies under the cursor, in coordinates of the world's system.
 pub fn coordinates(place: &Place, about: &About) -> String {
     let world = DVec3 { z: place.height, ..place.shown };
-    let file = about.placement.unplace(world);
+    let at = about.base.unplace(world);
     let unit = about.unit.as_ref().map_or("", |u| u.symbol());
-    let is_scaled = matches!(about.placement, Placement::Scaled(factor) if factor.x != 1.0);
-    let digits = if is_scaled { 7 } else { 2 };
-    format!("E {:.digits$}   N {:.digits$}   U {:.2} {unit}", file.x, file.y, file.z)
+    let is_degrees = about.crs.as_ref().is_some_and(|crs| crs.kind == CrsKind::Geographic);
+    let digits = if is_degrees { 7 } else { 2 };
+    format!("E {:.digits$}   N {:.digits$}   U {:.2} {unit}", at.x, at.y, at.z)
 }
 
 /// Numbers as they are typed: E,N or E,N,U.

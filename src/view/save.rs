@@ -27,11 +27,11 @@ pub fn last_taken(folder: &Path, stem: &str, extension: &str) -> Option<PathBuf>
     entries.flatten().map(|entry| entry.path()).filter(is_one).max()
 }
 
-/// The view as a camera path of one keyframe, in file coordinates.
+/// The view as a camera path of one keyframe, in coordinates of the world's system.
 pub fn view(camera: &Camera, about: Option<&About>) -> Result<CameraPath, String> {
     let path = CameraPath::view(camera);
     match about {
-        Some(about) => path.placed(|v| about.placement.unplace(v)).map_err(|e| e.to_string()),
+        Some(about) => path.placed(|v| about.base.unplace(v)).map_err(|e| e.to_string()),
         None => Ok(path),
     }
 }
@@ -70,9 +70,9 @@ pub fn command(
     opened: &data::Options,
 ) -> String {
     let place = |v: DVec3| {
-        let v = about.placement.unplace(v);
+        let v = about.base.unplace(v);
         // Degrees need more digits than metres.
-        let digits = if about.placement.is_identity() { 3 } else { 9 };
+        let digits = if about.base.is_identity() { 3 } else { 9 };
         format!("{:.digits$},{:.digits$},{:.3}", v.x, v.y, v.z)
     };
     let mut words = vec!["lasray".to_owned(), "render".to_owned()];
@@ -100,6 +100,15 @@ pub fn command(
     }
     if let Some(cell) = opened.cell {
         option("cell", tidy(cell));
+    }
+    if let Some(code) = opened.placement.crs.as_ref().and_then(|crs| crs.epsg) {
+        option("crs", format!("EPSG:{code}"));
+    }
+    for assumption in &opened.placement.assume {
+        if let Some(code) = assumption.crs.epsg {
+            let pattern = assumption.pattern.as_ref().map_or(String::new(), |pattern| format!("{pattern}="));
+            option("assume-crs", format!("{pattern}EPSG:{code}"));
+        }
     }
     if let Some(unit) = &opened.placement.z_unit {
         option("z-unit", unit.symbol().to_owned());

@@ -10,6 +10,7 @@ use lasray::render::camera::{Bounds, Camera};
 use lasray::render::frame::{Background, Renderer, Shade, Traversal, View};
 use lasray::render::image::Image;
 use lasray::render::reference::Point;
+use lasray::sample;
 use lasray::section::Packed;
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::stream::bins::Budget;
@@ -54,6 +55,7 @@ pub struct Data {
     pub anchor: Height,
     pub colors: ColorTable,
     pub summary: AttributeSummary,
+    /// Of the first file.
     pub placement: Placement,
 }
 
@@ -72,7 +74,7 @@ impl Data {
         let loaded = load::paths(paths, &options, &mut problems).unwrap();
         assert!(!problems.failed, "{problems:?}");
         let Loaded { grid, sections, about, .. } = loaded;
-        let About { bounds, summary, color, placement, .. } = about;
+        let About { bounds, summary, color, .. } = about;
         Data {
             sections: sections.into_iter().map(|(key, columns)| (key, columns.pack())).collect(),
             grid,
@@ -80,7 +82,7 @@ impl Data {
             anchor: Height::from_units(bounds.center().z).unwrap(),
             colors: ColorTable::new(color, &summary, None, None).unwrap(),
             summary,
-            placement,
+            placement: placement(paths),
         }
     }
 
@@ -139,6 +141,13 @@ impl Data {
             ..self.exact(camera, size)
         }
     }
+}
+
+/// How the first of `paths` gets into the world of all of them.
+pub fn placement(paths: &[PathBuf]) -> Placement {
+    let opened: Vec<_> = sample::open_all(paths).into_iter().filter_map(Result::ok).collect();
+    let sample = sample::take(&opened, &PlacementOptions::default(), &sample::Budget::default());
+    sample.world.placements.into_iter().flatten().next().expect("a file that is drawn")
 }
 
 /// The points of a file as the `las` crate reads them, in world coordinates.

@@ -12,7 +12,7 @@ use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::Renderer;
 use lasray::render::image::Image;
 use lasray::source::LidarFile;
-use lasray::source::placement::PlacementOptions;
+use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::stream::live::FRAME_BYTES;
 use lasray::stream::pool::Access;
 use lasray::view;
@@ -70,7 +70,7 @@ impl Seen {
             anchor,
             colors: ColorTable::new(ColorMode::Class, &about.summary, None, None).unwrap(),
             summary: about.summary.clone(),
-            placement: about.placement,
+            placement: Placement::default(),
         };
         let mut renderer = Renderer::new(self.data.scene(), grid, anchor).unwrap();
         let table = self.data.table(&renderer);

@@ -97,7 +97,7 @@ fn beyond_a_pixel(finest: &ColumnMap, image: &Image, basis: &RayBasis, slack: f6
 fn check(setup: common::Setup, paths: &[PathBuf], cell: f64) -> [usize; 8] {
     let gpu = setup.gpu();
     let mut world = World::with_cell(&gpu, paths, cell, PLENTY, Access::Address, MEASURED());
-    let placement = world.placement;
+    let placement = world.placement.clone();
     let points = paths.iter().flat_map(|path| scene::points(path, &placement)).collect();
     let mut levels = Levels::new(points, cell);
     let mut found = [0; 8];

@@ -107,13 +107,14 @@ impl World {
 
     pub fn of(gpu: &Gpu, opening: Opening, means: Means, access: Access, visibility: Visibility) -> World {
         let Opening { inputs, grid, core, about } = opening;
+        let placement = inputs[0].input.placement.clone();
         World {
             live: Live::new(inputs, grid, core, means.host_bytes, means.threads, || ()),
             scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, grid.cell())
                 .unwrap(),
             grid,
             bounds: about.bounds,
-            placement: about.placement,
+            placement,
             colors: ColorTable::new(about.color, &about.summary, None, None).unwrap(),
             summary: about.summary,
         }
@@ -168,7 +169,7 @@ impl World {
             anchor,
             colors: self.colors.clone(),
             summary: self.summary.clone(),
-            placement: Placement::AsIs,
+            placement: Placement::default(),
         };
         let view = if self.scene.visibility().bridge == 0 {
             data.exact(camera, SIZE)

@@ -29,6 +29,7 @@ pub fn page(report: &Report) -> String {
                 })),
             }
             rows.extend(file.left_out.then(|| row("drawn", "no".into())));
+            rows.extend(file.transformed.then(|| row("drawn", "transformed into the system of all".into())));
             rows.extend(file.warnings.iter().map(|warning| row("warning", warning.clone())));
             if let Some(scan) = &file.scan {
                 rows.extend(scan_rows(scan, file.decimals, units(file.crs.as_ref())));
@@ -221,8 +222,10 @@ fn table(page: &mut String, files: &[FileReport]) {
     line(&HEAD, "file");
     for (row, file) in rows.iter().zip(files) {
         line(&row.each_ref().map(String::as_str), &file.path);
-        if file.left_out {
-            line(&[""; 11], "  left out");
+        for (is_so, what) in [(file.left_out, "  left out"), (file.transformed, "  transformed")] {
+            if is_so {
+                line(&[""; 11], what);
+            }
         }
         let damage = file.scan.iter().flat_map(|scan| &scan.damage);
         for warning in file.warnings.iter().chain(damage) {
