@@ -32,7 +32,7 @@ pub enum Command {
     /// Draw a picture: PNG for people, EXR with distances, heights and classes for programs
     Render(Box<command::render::Args>),
     /// What is in the files, and how they would be drawn
-    Info(command::info::Args),
+    Info(Box<command::info::Args>),
     /// Time copy, prepare and trace beside the pipeline of the thesis
     Bench(Box<command::bench::Args>),
     /// Write the scan of a town that does not exist, with known geometry

@@ -30,7 +30,7 @@ fn main() -> ExitCode {
             has_strict = false;
             command::bench::run(*args, problems)
         }
-        Command::Info(args) => command::info::run(args, problems),
+        Command::Info(args) => command::info::run(*args, problems),
         Command::Synth(args) => command::synth::run(args).map(|()| Outcome::Done),
     };
     let (code, is_error) = match result {

@@ -246,7 +246,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         // that was turned is wider than what is in it: where points tell enough it is not needed.
         let is_wide = placement.is_transformed() && placed.len() >= TELLING;
         let header = header_bounds(file, placement).filter(|bounds| {
-            !is_wide && !(whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed)
+            !(is_wide || whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed)
         });
         (file.points() > 0).then(|| frame::file_bounds(header, &placed))?
     };

@@ -529,12 +529,12 @@ fn taken<'a>(
             let plain = options.assume.iter().rev().find(|assumption| assumption.pattern.is_none());
             plain.map(|assumption| Cow::Borrowed(&assumption.crs))
         };
-        let mut seen = || {
+        let seen = || {
             let geocentric = recognise(file)?;
             recognised[usize::from(geocentric)] += 1;
             Some(Cow::Owned(Crs::recognised(geocentric)))
         };
-        let crs = crs.or_else(default).or_else(|| seen());
+        let crs = crs.or_else(default).or_else(seen);
         taken.push(Taken { crs, unit });
     }
     for (crs, files) in overruled {
@@ -598,7 +598,7 @@ fn ways(
     let own_of = |taken: &Taken| taken.crs.as_deref().or(majority.filter(|crs| is_plane(crs))).cloned();
     let own: Vec<Option<Crs>> = of_files.iter().map(own_of).collect();
     // One operation for all files of a system, so that tiles fit together.
-    let mut known: Vec<(&Crs, usize, Result<Arc<Reprojection>, String>)> = Vec::new();
+    let mut known: Vec<(&Crs, usize, Operation)> = Vec::new();
     let mut assumed = 0;
     let mut ways = Vec::with_capacity(files.len());
     for (index, file) in files.iter().enumerate() {
@@ -659,8 +659,11 @@ fn ways(
     ways
 }
 
-/// The operation between two systems, or why there is none. `near`: in the middle of what it is for.
-fn between(from: &Crs, to: &Crs, near: DVec3) -> Result<Arc<Reprojection>, String> {
+/// An operation, or why there is none.
+type Operation = Result<Arc<Reprojection>, String>;
+
+/// The operation between two systems. `near`: in the middle of what it is for.
+fn between(from: &Crs, to: &Crs, near: DVec3) -> Operation {
     match (&from.system, &to.system) {
         (Some(from), Some(to)) => Reprojection::between(from, to, near).map(Arc::new),
         (None, _) => Err("what its name stands for is not known".to_owned()),
@@ -722,7 +725,7 @@ fn true_scale(crs: &Crs, centre: DVec3, notes: &mut Vec<PlacementNote>) -> Fit {
     let Ok(latitude) = degrees.map(|degrees| degrees.point(centre).y.round()) else { return Fit::AsIs };
     let Some([east, north]) = system.ground_scale(latitude.clamp(-89.0, 89.0)) else { return Fit::AsIs };
     let factor = 1.0 / east;
-    if !latitude.is_finite() || !(factor >= STRETCHED) {
+    if !latitude.is_finite() || factor.is_nan() || factor < STRETCHED {
         return Fit::AsIs;
     }
     notes.push(PlacementNote::Stretched { name: crs.name.clone(), factor, latitude });
