@@ -3,6 +3,7 @@
 use clap::Parser;
 use lasray::cli::{self, Cli, Command};
 use lasray::command::{self, Outcome, UsageError};
+use lasray::text::harmless_lines;
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
@@ -29,7 +30,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Incomplete) => ExitCode::from(FAILED),
         Err(error) => {
             // Messages hold their causes already.
-            eprintln!("lasray: {error}");
+            eprintln!("lasray: {}", harmless_lines(&error.to_string()));
             let usage = error.is::<UsageError>() || error.is::<command::synth::PlanError>();
             ExitCode::from(if usage { USAGE } else { FAILED })
         }

@@ -1,5 +1,6 @@
 //! What goes wrong on the way, told so that thousands of files with one fault do not flood the terminal.
 
+use crate::text::harmless;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::{self, Write};
@@ -56,7 +57,9 @@ impl Problems {
         self.push(Severity::Error, line.to_string());
     }
 
+    /// Lines hold names and words out of files: here is where those become harmless.
     fn push(&mut self, severity: Severity, line: String) {
+        let line = harmless(&line);
         self.said += u64::from(severity > Severity::Note);
         let count = self.alike.entry((severity, wording(&line))).or_default();
         *count += 1;

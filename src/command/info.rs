@@ -6,10 +6,11 @@ mod text;
 use super::Outcome;
 use crate::attribute::ColorMode;
 use crate::gpu::{DeviceInfo, list_devices};
-use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
+use crate::sample::{self, Bounds, Budget, FrameNote, Opened, RgbDepth, Sample};
 use crate::source::crs::{Crs, CrsKind, Unit};
 use crate::source::inputs;
 use crate::source::placement::{Placement, PlacementNote, PlacementOptions};
+use crate::text::{harmless, harmless_lines};
 use anyhow::Context;
 use scan::Scan;
 use serde::Serialize;
@@ -81,7 +82,8 @@ fn json(value: &impl Serialize) -> anyhow::Result<String> {
 
 /// To standard output; `lasray info … | head` is no failure.
 fn print(page: &str) -> anyhow::Result<()> {
-    match std::io::stdout().lock().write_all(page.as_bytes()) {
+    // Nothing that a terminal obeys, wherever it came from.
+    match std::io::stdout().lock().write_all(harmless_lines(page).as_bytes()) {
         Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(()),
         written => written.context("cannot write to standard output"),
     }
@@ -104,7 +106,11 @@ struct FileReport {
     version: String,
     /// LAS, LAZ or COPC.
     kind: &'static str,
+    /// What the points are.
     point_format: u8,
+    /// The format that they are kept in, where it is another one: LASzip's compatibility mode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    kept_as: Option<u8>,
     /// Points that can be read.
     points: u64,
     /// Points that the header claims.
@@ -120,6 +126,9 @@ struct FileReport {
     density: Option<f64>,
     /// "absent" where the format has none; "none" where the fields hold no colour.
     rgb: &'static str,
+    /// As stored, where it is the same everywhere and not black.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rgb_constant: Option<[u16; 3]>,
     /// It is not drawn, since its coordinate system is not that of most files.
     left_out: bool,
     /// A part of it could not be read.
@@ -223,12 +232,12 @@ pub fn run(args: Args) -> anyhow::Result<Outcome> {
 
 fn gather(args: &Args) -> Report {
     let found = inputs::expand(&args.inputs);
-    let mut failed: Vec<String> = found.failed.iter().map(ToString::to_string).collect();
+    let mut failed: Vec<String> = found.failed.iter().map(|error| harmless(&error.to_string())).collect();
     let mut files = Vec::new();
     for opened in sample::open_all(&found.files) {
         match opened {
             Ok(opened) => files.push(opened),
-            Err(error) => failed.push(error.to_string()),
+            Err(error) => failed.push(harmless(&error.to_string())),
         }
     }
     let options = PlacementOptions { mix_crs: args.mix_crs, z_unit: args.z_unit.clone(), known: None };
@@ -245,7 +254,7 @@ fn gather(args: &Args) -> Report {
         // A scan meets it again, and says how many points are lost.
         reports[*index].unreadable = true;
         if reports[*index].scan.is_none() {
-            reports[*index].warnings.push(problem.to_string());
+            reports[*index].warnings.push(harmless(&problem.to_string()));
         }
     }
     let all = total(&files, &sample, &reports);
@@ -268,7 +277,7 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
     };
     let warnings = file.warnings.iter().map(ToString::to_string);
     FileReport {
-        path: file.path().display().to_string(),
+        path: harmless(&file.path().to_string_lossy()),
         version: format!("{}.{}", header.version.0, header.version.1),
         kind: match (header.compressed, &file.copc) {
             (_, Some(_)) => "COPC",
@@ -276,6 +285,7 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
             (false, None) => "LAS",
         },
         point_format: header.format,
+        kept_as: Some(header.stored_format).filter(|&stored| stored != header.format),
         points: file.points(),
         claimed_points: header.claimed_points,
         chunks: file.chunks.len(),
@@ -284,9 +294,13 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
         crs: crs.as_ref().map(Into::into),
         density,
         rgb,
+        rgb_constant: sample.files[index].rgb_constant,
         left_out: sample.world.placements[index].is_none() && file.points() > 0,
         unreadable: file.points() < header.claimed_points,
-        warnings: warnings.chain(crs_errors.iter().map(ToString::to_string)).collect(),
+        warnings: warnings
+            .chain(crs_errors.iter().map(ToString::to_string))
+            .map(|line| harmless(&line))
+            .collect(),
         scan: None,
     }
 }
@@ -295,6 +309,10 @@ fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
     let note = |note: &PlacementNote| match note.file() {
         Some(index) => format!("{}: {note}", reports[index].path),
         None => note.to_string(),
+    };
+    let frame_note = |note: &FrameNote| {
+        let words = note.words(sample.world.unit.as_ref());
+        note.file().map_or(words.clone(), |index| format!("{}: {words}", reports[index].path))
     };
     let drawn = reports.iter().filter(|report| !report.left_out);
     let (attributes, mut scan) = (&sample.attributes, None);
@@ -325,7 +343,7 @@ fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
         height_p2_p98: [attributes.height.p2, attributes.height.p98],
         intensity_p2_p98: [attributes.intensity.p2, attributes.intensity.p98],
         sampled: sample.sampled,
-        notes: sample.world.notes.iter().map(note).collect(),
+        notes: sample.world.notes.iter().map(note).chain(sample.notes.iter().map(frame_note)).collect(),
         scan,
     }
 }
