@@ -859,7 +859,7 @@ mod tests {
         let black = summary((0..50).map(|_| point(1024, 6, 9, [0; 3])));
         let words = table(ColorMode::Rgb, &black).constant.unwrap();
         assert_eq!(words, "colour is 0,0,0 everywhere, drawn grey");
-        let absent = AttributeSummary { has_rgb: false, ..black };
+        let absent = AttributeSummary { has_rgb: false, ..black.clone() };
         let words = table(ColorMode::Rgb, &absent).constant.unwrap();
         assert_eq!(words, "there is no RGB in this data, drawn grey");
         // A class of which an estimate leaves next to nothing is there all the same.

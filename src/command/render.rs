@@ -600,6 +600,8 @@ fn draw(
     let place = |v: DVec3| placement.place(v.x, v.y, v.z);
     let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
     let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
+    // A map is of the points' extent; in a view, the cells of a few points reach far beyond it.
+    let framed = if args.ortho.is_none() { framed.of_cells(grid.cell()) } else { framed };
     let (cameras, size) = match film {
         Some(film) => (film.cameras(place)?, args.size.unwrap_or([1280, 720])),
         None => camera(args, &framed, place).map(|(camera, size)| (vec![camera], size))?,

@@ -119,8 +119,10 @@ impl Framed {
         let off = |point: DVec3| (bounds.min - point).max(point - bounds.max).truncate().max(DVec2::ZERO);
         let reach = FAR * bounds.size().truncate().max_element();
         let is_far = |point: DVec3| kept.len() >= A_PLACE && off(point).max_element() > reach.max(1e-9);
-        let far: Vec<_> = points.iter().copied().filter(|(p, _)| !framed.keeps(*p) || is_far(*p)).collect();
+        let (far, near): (Vec<_>, Vec<_>) =
+            points.iter().copied().partition(|(p, _)| !framed.keeps(*p) || is_far(*p));
         if !far.is_empty() {
+            framed.bounds = file_bounds(header.and_then(|header| without(header, &far, &near)), &near);
             let left: f64 = far.iter().map(|(_, weight)| weight).sum();
             framed.left_out = Some(LeftOut {
                 points: left,
@@ -137,6 +139,18 @@ impl Framed {
     pub fn keeps(&self, point: DVec3) -> bool {
         self.cuts.iter().all(|(axis, [low, high])| (*low..*high).contains(&point[*axis]))
     }
+}
+
+/// A header without the heights that it owes to `far` points: there it is as the `near` ones are.
+fn without(header: Bounds, far: &[(DVec3, f64)], near: &[(DVec3, f64)]) -> Option<Bounds> {
+    let range = |points: &[(DVec3, f64)]| {
+        let heights = points.iter().map(|(point, _)| point.z);
+        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], z| [z.min(lo), z.max(hi)])
+    };
+    let ([far_low, far_high], [low, high]) = (range(far), range(near));
+    let min = if far_low < low { low } else { header.min.z };
+    let max = if far_high > high { high } else { header.max.z };
+    Bounds::new(header.min.with_z(min), header.max.with_z(max))
 }
 
 /// The one E, N of all `points`, if there is one.
