@@ -285,14 +285,15 @@ fn points_without_a_position_are_not_framed() {
             let bounds = sample.bounds.unwrap();
             assert!(bounds.min.x >= 2000.0 && bounds.size().x < 120.0, "{every}: {bounds:?}");
             assert!(bounds.min.y >= 24_000.0 && bounds.min.z >= 10.0, "{every}: {bounds:?}");
-            assert_eq!(sample.cell.cell, 1.0, "{every}");
+            // A third of the cells are holes.
+            assert_eq!(sample.cell.cell, if every == 3 { 2.0 } else { 1.0 }, "{every}");
             if sample.whole {
                 let [note] = &sample.notes[..] else { panic!("{:?}", sample.notes) };
                 let zeros = 14_400_usize.div_ceil(every);
                 let words = note.words(None);
                 assert!(words.starts_with(&format!("{zeros} points")), "{words}");
                 assert!(words.contains(" at 0, 0, 24083 units from the others, are not framed"), "{words}");
-                assert_eq!(sample.attributes.height.p2, 10.0);
+                assert!((10.0..10.1).contains(&sample.attributes.height.p2));
             } else if every <= 20 {
                 assert!(sample.notes[0].words(None).starts_with("about "), "{:?}", sample.notes);
             }

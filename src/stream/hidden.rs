@@ -11,19 +11,19 @@ pub fn why_hidden(kinds: &Kinds, visibility: &Visibility) -> Option<String> {
         return None;
     }
     // Classes of the points that need these two: another list of classes, and the withheld ones.
-    let needing = |other_class: bool, withheld_ones: bool| {
+    let needing = |other_class: bool, withheld_ones: bool| -> BTreeSet<u8> {
         let needs = |&&(class, withheld): &&(u8, bool)| {
             visibility.classes.shows(class) != other_class
                 && (withheld && !visibility.withheld) == withheld_ones
         };
-        let classes: BTreeSet<u8> = kinds.iter().filter(needs).map(|(class, _)| *class).collect();
-        classes.iter().map(u8::to_string).collect::<Vec<_>>()
+        kinds.iter().filter(needs).map(|(class, _)| *class).collect()
     };
     let (withheld, of_class, both) = (needing(false, true), needing(true, false), needing(true, true));
-    if withheld.is_empty() && both.is_empty() {
-        let (there, list) = (of_class.join(", "), of_class.join(","));
+    if withheld.is_empty() && !of_class.is_empty() {
+        let all = listed(&of_class.union(&both).copied().collect());
+        let those = if both.is_empty() { "them" } else { "those that are not withheld" };
         return Some(format!(
-            "no point is of a class that is shown; there are {there} (--classes {list} shows them)"
+            "no point is of a class that is shown; there are {all} (--classes {all} shows {those})"
         ));
     }
     let mut reasons = Vec::new();
@@ -31,14 +31,31 @@ pub fn why_hidden(kinds: &Kinds, visibility: &Visibility) -> Option<String> {
         reasons.push("withheld (--withheld shows them)".to_owned());
     }
     if !of_class.is_empty() {
-        let list = of_class.join(",");
+        let list = listed(&of_class);
         reasons.push(format!("of a class that is not shown (--classes {list} shows them)"));
     }
     if !both.is_empty() {
-        let list = both.join(",");
+        let list = listed(&both);
         reasons.push(format!("both withheld and of such a class (--withheld --classes {list} shows them)"));
     }
     Some(format!("every point is {}", reasons.join(", or ")))
+}
+
+/// As `--classes` takes them: 2,5-7.
+fn listed(classes: &BTreeSet<u8>) -> String {
+    let mut runs: Vec<[u8; 2]> = Vec::new();
+    for &class in classes {
+        match runs.last_mut() {
+            Some([_, last]) if class - *last == 1 => *last = class,
+            _ => runs.push([class; 2]),
+        }
+    }
+    let run = |[first, last]: [u8; 2]| match last - first {
+        0 => first.to_string(),
+        1 => format!("{first},{last}"),
+        _ => format!("{first}-{last}"),
+    };
+    runs.into_iter().map(run).collect::<Vec<_>>().join(",")
 }
 
 #[cfg(test)]
@@ -62,13 +79,13 @@ mod tests {
                 &[(7, false), (18, false)],
                 usual,
                 false,
-                "no point is of a class that is shown; there are 7, 18 (--classes 7,18 shows them)",
+                "no point is of a class that is shown; there are 7,18 (--classes 7,18 shows them)",
             ),
             (
                 &[(2, false), (6, true)],
                 ClassMask::only(&[9]),
                 true,
-                "no point is of a class that is shown; there are 2, 6 (--classes 2,6 shows them)",
+                "no point is of a class that is shown; there are 2,6 (--classes 2,6 shows them)",
             ),
             (
                 &[(2, true), (7, false)],
@@ -90,6 +107,7 @@ mod tests {
                  or both withheld and of such a class (--withheld --classes 7 shows them)",
             ),
         ];
+        assert_eq!(listed(&[0, 1, 2, 5, 7, 8, 254, 255].into()), "0-2,5,7,8,254,255");
         for (kinds, classes, withheld, words) in cases {
             assert_eq!(why(kinds, classes, withheld).as_deref(), Some(words));
         }
