@@ -584,7 +584,8 @@ fn of_kinds(kinds: &[(u8, bool)]) -> Vec<u8> {
 #[test]
 fn hidden_points_are_said_to_be_hidden() {
     type Words = &'static [&'static str];
-    let cases: [(&'static [(u8, bool)], Words, &'static str, Words); 5] = [
+    type Kinds = &'static [(u8, bool)];
+    let cases: [(Kinds, Words, &'static str, Words); 5] = [
         (&[(2, true)], &[], "every point is withheld (--withheld shows them)", &["--withheld"]),
         (
             &[(7, false), (18, false)],

@@ -73,7 +73,8 @@ mod tests {
         assert_eq!(why(&[], usual, false), None);
         assert_eq!(why(&[(2, true), (2, false)], usual, false), None);
         assert_eq!(why(&[(2, true), (7, false)], usual, true), None);
-        let cases: [(&[(u8, bool)], ClassMask, bool, &str); 6] = [
+        type Case<'a> = (&'a [(u8, bool)], ClassMask, bool, &'a str);
+        let cases: [Case; 6] = [
             (&[(2, true), (6, true)], usual, false, "every point is withheld (--withheld shows them)"),
             (
                 &[(7, false), (18, false)],
