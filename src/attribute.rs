@@ -6,6 +6,7 @@
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, tidy};
 use bytemuck::{Pod, Zeroable};
 use clap::ValueEnum;
+use std::collections::BTreeSet;
 
 /// What a column keeps of the point that won it. The order of the fields is the order in which points
 /// are compared: the larger wins.
@@ -145,6 +146,9 @@ impl ClassMask {
         self.0[usize::from(class >> 5)] >> (class & 31) & 1 != 0
     }
 }
+
+/// Kinds of points, by what shows or hides them: class, and whether they are withheld.
+pub type Kinds = BTreeSet<(u8, bool)>;
 
 /// Name of a class: LAS 1.4 R15, table 17; 8 and 12 as LAS 1.0 to 1.3 used them; 40 to 45 from the
 /// topo-bathymetric domain profile.
@@ -404,7 +408,8 @@ pub struct ColorTable {
     pub table: Box<[[f32; 4]; 256]>,
     /// Lowest and highest value of the ramp, for a legend: CRS units for heights; `None` without ramp.
     pub range: Option<(f64, f64)>,
-    /// The field has one value everywhere, said in words; the table is grey then.
+    /// The field has one value everywhere, said in words, and how that is drawn: in the colour that it stands for
+    /// anyway, or grey where there is none (heights, intensities, RGB that is black).
     pub constant: Option<String>,
 }
 
@@ -446,7 +451,18 @@ impl ColorTable {
                 constant: None,
             }
         };
-        if let Some(words) = constant(mode, sample).filter(|_| range.is_none()) {
+        let own = match mode {
+            ColorMode::Rgb if sample.rgb_constant == Some([0; 3]) => None,
+            ColorMode::Rgb => Some(direct(|_| [0; 3])),
+            ColorMode::Class => Some(direct(class_color)),
+            ColorMode::Return => Some(direct(|byte| ReturnKind::of(byte).color())),
+            ColorMode::Height | ColorMode::Intensity => None,
+        };
+        if let Some(words) = constant(mode, sample).filter(|_| range.is_none() || own.is_some()) {
+            if let Some(own) = own.filter(|_| sample.points > 0) {
+                return Ok(ColorTable { constant: Some(format!("{words}, drawn in that colour")), ..own });
+            }
+            let words = format!("{words}, drawn grey");
             let grey = table(|_| [0.65; 3]);
             // A grey table is read through a field, RGB too: class 0 to 255 all lead to grey.
             let mode = if mode == ColorMode::Rgb { ColorMode::Class } else { mode };
@@ -460,9 +476,9 @@ impl ColorTable {
             });
         }
         Ok(match mode {
-            ColorMode::Rgb => direct(|_| [0; 3]),
-            ColorMode::Class => direct(class_color),
-            ColorMode::Return => direct(|byte| ReturnKind::of(byte).color()),
+            ColorMode::Rgb | ColorMode::Class | ColorMode::Return => {
+                own.unwrap_or_else(|| direct(|_| [0; 3]))
+            }
             ColorMode::Height => ramped(&sample.height, Ramp::Relief, &biased_units, HEIGHT_STEPS_PER_UNIT),
             ColorMode::Intensity => {
                 ramped(&sample.intensity, Ramp::Grey, &|v| v.clamp(0.0, 65535.0) as u32, 1.0)
@@ -508,11 +524,13 @@ fn constant(mode: ColorMode, sample: &AttributeSummary) -> Option<String> {
         return Some("no points".to_owned());
     }
     match mode {
+        ColorMode::Rgb if !sample.has_rgb => Some("there is no RGB in this data".to_owned()),
         ColorMode::Rgb => sample.rgb_constant.map(|[r, g, b]| format!("colour is {r},{g},{b} everywhere")),
         ColorMode::Height => spread("height", &sample.height),
         ColorMode::Intensity => spread("intensity", &sample.intensity),
         ColorMode::Class => {
-            let class = sample.classes.iter().position(|&n| n == sample.points)? as u8;
+            let mut classes = (0..=255u8).filter(|&class| sample.classes[usize::from(class)] > 0);
+            let class = classes.next().filter(|_| classes.next().is_none())?;
             Some(format!("class is {class} ({}) everywhere", class_name(class)))
         }
         ColorMode::Return => {
@@ -583,6 +601,7 @@ impl AttributeSample {
             intensity: Spread::of(p.iter().map(|a| f64::from(a.intensity)).collect()),
             classes,
             returns,
+            has_rgb: true,
             colored: p.iter().filter(|a| a.rgb != [0; 3]).count() as u64,
             rgb_constant: p.iter().all(|a| a.rgb == first).then_some(first),
         }
@@ -602,6 +621,8 @@ pub struct AttributeSummary {
     pub classes: Box<[u64; 256]>,
     /// Points of each `returns` byte.
     pub returns: Box<[u64; 256]>,
+    /// Whether there is a field for RGB at all.
+    pub has_rgb: bool,
     /// Points whose RGB is not black.
     pub colored: u64,
     /// The one RGB of all points, if there is one.
@@ -808,20 +829,43 @@ mod tests {
     }
 
     #[test]
-    fn constant_fields_are_grey_and_named() {
-        let data = summary((0..50).map(|_| point(1024, 6, 9, [255; 3])));
-        for (mode, words) in [
-            (ColorMode::Rgb, "colour is 255,255,255 everywhere"),
-            (ColorMode::Height, "height is 1 everywhere"),
-            (ColorMode::Class, "class is 6 (building) everywhere"),
-            (ColorMode::Intensity, "intensity is 9 everywhere"),
-            (ColorMode::Return, "return is single everywhere"),
+    fn constant_fields_are_named_and_drawn_as_what_they_are() {
+        let grey = [0.65; 3].map(|v: f64| v as f32);
+        let byte = |color: [u8; 3]| color.map(|v| f32::from(v) / 255.0);
+        let rgb = [255, 128, 0];
+        let data = summary((0..50).map(|_| point(1024, 6, 9, rgb)));
+        let table = |mode, data| ColorTable::new(mode, data, None, None).unwrap();
+        for (mode, words, color) in [
+            (ColorMode::Rgb, "colour is 255,128,0 everywhere, drawn in that colour", byte(rgb)),
+            (ColorMode::Height, "height is 1 everywhere, drawn grey", grey),
+            (
+                ColorMode::Class,
+                "class is 6 (building) everywhere, drawn in that colour",
+                byte(class_color(6)),
+            ),
+            (ColorMode::Intensity, "intensity is 9 everywhere, drawn grey", grey),
+            (
+                ColorMode::Return,
+                "return is single everywhere, drawn in that colour",
+                byte(ReturnKind::Single.color()),
+            ),
         ] {
-            let table = ColorTable::new(mode, &data, None, None).unwrap();
+            let table = table(mode, &data);
             assert_eq!(table.constant.as_deref(), Some(words));
-            let [r, g, b] = table.color(Record::pack(point(1024, 6, 9, [255; 3])));
-            assert!(r == g && g == b && r > 0.4);
+            let drawn = table.color(Record::pack(point(1024, 6, 9, rgb)));
+            assert!(drawn.iter().zip(color).all(|(a, b)| (a - b).abs() < 1e-6), "{drawn:?}, not {color:?}");
         }
+        // Black is no colour; nor is what is not there.
+        let black = summary((0..50).map(|_| point(1024, 6, 9, [0; 3])));
+        let words = table(ColorMode::Rgb, &black).constant.unwrap();
+        assert_eq!(words, "colour is 0,0,0 everywhere, drawn grey");
+        let absent = AttributeSummary { has_rgb: false, ..black.clone() };
+        let words = table(ColorMode::Rgb, &absent).constant.unwrap();
+        assert_eq!(words, "there is no RGB in this data, drawn grey");
+        // A class of which an estimate leaves next to nothing is there all the same.
+        let mut two = data.clone();
+        two.classes[2] = 1;
+        assert_eq!(table(ColorMode::Class, &two).constant, None);
         let flat_but_one = summary((0..500).map(|k| point(if k == 0 { 4096 } else { 0 }, 2, 0, [0; 3])));
         let table = ColorTable::new(ColorMode::Height, &flat_but_one, None, None).unwrap();
         assert_eq!(table.range, Some((0.0, 4.0)));

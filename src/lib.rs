@@ -18,5 +18,6 @@ pub mod section;
 pub mod source;
 pub mod stream;
 pub mod synth;
+pub mod text;
 #[cfg(feature = "view")]
 pub mod view;

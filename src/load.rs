@@ -1,7 +1,7 @@
 //! From inputs to sections: open, choose once for all files, read and bin. What every command starts with.
 
 use crate::attribute::AttributeSummary;
-use crate::attribute::ColorMode;
+use crate::attribute::{ColorMode, Kinds};
 use crate::coords::{CELL_LIMIT, Grid, SectionKey, tidy};
 use crate::problems::Problems;
 use crate::render::camera::Bounds;
@@ -217,6 +217,17 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
             _ => problems.note(line),
         }
     }
+    for note in &sample.notes {
+        let words = note.words(sample.world.unit.as_ref());
+        let line = match note.file() {
+            Some(file) => format!("{}: {words}", opened[file].file.path().display()),
+            None => format!("{subject}{words}"),
+        };
+        match note.is_warning() {
+            true => problems.warn(line),
+            false => problems.note(line),
+        }
+    }
     let Some(bounds) = sample.bounds else {
         let mut errors: Vec<_> = sample.problems.iter().map(|(_, error)| error.to_string()).collect();
         errors.dedup();
@@ -262,7 +273,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         subject,
         bounds,
         summary: sample.attributes,
-        classes: sample.classes,
+        kinds: sample.kinds,
         color,
         crs: sample.world.crs,
         unit: sample.world.unit,
@@ -376,7 +387,7 @@ pub fn tiles_of(
     let about = About {
         subject: String::new(),
         bounds,
-        classes: summary.classes.clone(),
+        kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),
         summary,
         color: ColorMode::Rgb,
         crs: None,
@@ -396,8 +407,8 @@ pub struct About {
     pub bounds: Bounds,
     /// What colours are chosen by.
     pub summary: AttributeSummary,
-    /// Points of each class in all files, hidden ones included, from the sample.
-    pub classes: Box<[u64; 256]>,
+    /// Kinds of points that the sample has seen, hidden ones included.
+    pub kinds: Kinds,
     /// What `--color auto` comes to.
     pub color: ColorMode,
     /// The data's coordinate system.

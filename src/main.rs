@@ -4,6 +4,7 @@ use clap::Parser;
 use lasray::cli::{self, Cli, Command};
 use lasray::command::{self, Outcome, UsageError};
 use lasray::problems::Problems;
+use lasray::text::harmless_lines;
 use std::process::ExitCode;
 use tracing_subscriber::EnvFilter;
 
@@ -38,7 +39,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Incomplete) => (FAILED, true),
         Err(error) => {
             // Messages hold their causes already.
-            eprintln!("lasray: {error}");
+            eprintln!("lasray: {}", harmless_lines(&error.to_string()));
             let usage = error.is::<UsageError>() || error.is::<command::synth::PlanError>();
             (if usage { USAGE } else { FAILED }, true)
         }

@@ -1,6 +1,7 @@
 //! What goes wrong on the way, told so that thousands of files with one fault do not flood the terminal.
 
 use crate::source::inputs::Inputs;
+use crate::text::harmless;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::io::{self, Write};
@@ -118,7 +119,9 @@ impl Problems {
         }
     }
 
+    /// Lines hold names and words out of files: here is where those become harmless.
     fn push(&mut self, severity: Severity, line: String) {
+        let line = harmless(&line);
         self.said += u64::from(severity > Severity::Note);
         let count = self.alike.entry((severity, wording(&line))).or_default();
         *count += 1;

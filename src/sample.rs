@@ -9,16 +9,17 @@
 //! further.
 
 mod cell;
+mod centre;
 mod frame;
 mod ground;
 mod places;
 mod rgb;
 
 pub use cell::{CellChoice, Patch, choose as choose_cell};
-pub use frame::Bounds;
+pub use frame::{Bounds, FrameNote};
 pub use rgb::RgbDepth;
 
-use crate::attribute::{AttributeSummary, Spread};
+use crate::attribute::{AttributeSummary, Kinds, Spread};
 use crate::coords::Height;
 use crate::source::crs::{self, Crs, CrsError};
 use crate::source::known::{Known, Told};
@@ -101,6 +102,8 @@ pub fn open_all(paths: &[PathBuf]) -> Vec<Result<Opened, SourceError>> {
 pub struct FileSample {
     /// How all its points' RGB is to be read.
     pub rgb: RgbDepth,
+    /// The one colour that all of its points have, as stored, but for black.
+    pub rgb_constant: Option<[u16; 3]>,
     /// World box without stray points; `None` for no points, or a file left out.
     pub bounds: Option<Bounds>,
     /// World box that no point lies outside of, as far as the header and the sample say; `None` where they do not.
@@ -128,10 +131,12 @@ pub struct Sample {
     pub cell: CellChoice,
     /// Of the points shown by default (of all, where none is); counts are estimates unless `whole`.
     pub attributes: AttributeSummary,
-    /// Points of each class, hidden ones included; estimates unless `whole`.
-    pub classes: Box<[u64; 256]>,
+    /// Kinds of points that were seen, hidden ones included.
+    pub kinds: Kinds,
     /// What is to be framed; `None` for no points.
     pub bounds: Option<Bounds>,
+    /// What is not obvious about that.
+    pub notes: Vec<FrameNote>,
     /// Chunks that could not be read (file, why); what they hold will be missing.
     pub problems: Vec<(usize, SourceError)>,
 }
@@ -197,7 +202,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         .collect();
     // A set that is read whole has its first points among the others.
     let firsts = if whole { vec![Vec::new(); files.len()] } else { firsts };
-    let rgb = rgb::decide(files, &rgb_of(files, &drawn, &firsts, &places, &seen, whole));
+    let stored = rgb_of(files, &drawn, &firsts, &places, &seen, whole);
+    let rgb = rgb::decide(files, &stored);
 
     // All three samples stand for the whole. Neighbours are alike, so a place, or the head of a chunk,
     // tells as much as a few points that are spread out.
@@ -225,18 +231,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         let placement = world.placements[file].as_ref().expect("only files that are drawn are sampled");
         placement.place(point.x, point.y, point.z)
     };
-    let mut classes = vec![0.0; 256];
-    let mut shown_points = Vec::new();
-    for (file, points) in weighted.iter().enumerate() {
-        for &(seen, weight) in points {
-            classes[usize::from(seen.class)] += weight;
-            let at = place(file, seen);
-            if shown(seen) && drawable(at) {
-                shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
-            }
-        }
-    }
-    let file_bounds = |index: usize| {
+    let framed = |index: usize| {
         let placement = world.placements[index].as_ref()?;
         let placed = weighted[index].iter().filter(|(seen, _)| shown(seen));
         let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
@@ -248,9 +243,22 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         let header = header_bounds(file, placement).filter(|bounds| {
             !(is_wide || whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed)
         });
-        (file.points() > 0).then(|| frame::file_bounds(header, &placed))?
+        (file.points() > 0).then(|| frame::Framed::of(header, &placed))
     };
-    let bounds: Vec<Option<Bounds>> = (0..files.len()).map(file_bounds).collect();
+    let framed: Vec<frame::Framed> =
+        (0..files.len()).map(|index| framed(index).unwrap_or_default()).collect();
+    let mut kinds = Kinds::new();
+    let mut shown_points = Vec::new();
+    for (file, points) in weighted.iter().enumerate() {
+        for &(seen, weight) in points {
+            kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
+            let at = place(file, seen);
+            if shown(seen) && drawable(at) && framed[file].keeps(at) {
+                shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
+            }
+        }
+    }
+    let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
     let ground = ground::Ground {
         files,
         budget,
@@ -272,25 +280,23 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         weighted[index].iter().all(inside).then_some(header)
     };
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
-    let boxes: Vec<(Bounds, u64)> = bounds
-        .iter()
-        .zip(files)
-        .filter_map(|(bounds, opened)| Some(((*bounds)?, opened.file.points())))
-        .collect();
+    let (frame, notes) = frame::whole(&framed, |file| files[file].file.points(), whole);
     Sample {
         points,
         sampled: weighted.iter().map(Vec::len).sum::<usize>() as u64,
         whole,
         cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
-        attributes: summarise(&shown_points),
-        classes: counts(&classes),
-        bounds: frame::whole_bounds(&boxes),
+        attributes: summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file))),
+        kinds,
+        bounds: frame,
+        notes,
         files: (0..)
             .zip(rgb)
             .zip(&bounds)
             .map(|((index, rgb), &bounds)| {
                 let (reach, in_nodes, contradicted) = (reach(index), in_nodes[index], contradicted[index]);
-                FileSample { rgb, bounds, reach, in_nodes, contradicted }
+                let rgb_constant = rgb::constant(&stored[index]).filter(|_| rgb != RgbDepth::None);
+                FileSample { rgb, rgb_constant, bounds, reach, in_nodes, contradicted }
             })
             .collect(),
         problems,
@@ -334,14 +340,15 @@ fn in_nodes(file: &LidarFile, firsts: &[Seen]) -> bool {
 }
 
 fn facts<'a>(files: &'a [Opened], firsts: &[Vec<Seen>]) -> Vec<FileFacts<'a>> {
-    let facts = |(Opened { file, crs, .. }, seen): (&'a Opened, &Vec<Seen>)| FileFacts {
+    let centres = centre::of_files(files, firsts);
+    let facts = |((Opened { file, crs, .. }, seen), centre): ((&'a Opened, &Vec<Seen>), DVec3)| FileFacts {
         path: file.path(),
         crs: crs.as_ref(),
         points: file.points(),
-        centre: median(seen.iter().map(|seen| unpack(file, seen.raw))),
+        centre,
         extent: extent(file, seen),
     };
-    files.iter().zip(firsts).map(facts).collect()
+    files.iter().zip(firsts).zip(centres).map(facts).collect()
 }
 
 /// First points from which on their spread tells how wide a file is; with fewer its header does.
@@ -425,7 +432,7 @@ struct Shown<'a> {
     rgb: [u8; 3],
 }
 
-fn summarise(shown: &[Shown]) -> AttributeSummary {
+fn summarise(shown: &[Shown], has_rgb: bool) -> AttributeSummary {
     let (mut classes, mut returns) = (vec![0.0; 256], vec![0.0; 256]);
     for point in shown {
         classes[usize::from(point.seen.class)] += point.weight;
@@ -441,6 +448,7 @@ fn summarise(shown: &[Shown]) -> AttributeSummary {
         intensity: spread(shown.iter().map(|point| (f64::from(point.seen.intensity), point.weight))),
         classes: counts(&classes),
         returns: counts(&returns),
+        has_rgb,
         colored: total(&|point| point.rgb != [0; 3]),
         rgb_constant: shown.iter().all(|point| point.rgb == first).then_some(first),
     }

@@ -573,6 +573,167 @@ fn wrong_arguments() {
 }
 
 /// A path of three frames and some that are none, with `more`.
+/// Points of these kinds, by turns: class, and whether they are withheld.
+fn of_kinds(kinds: &[(u8, bool)]) -> Vec<u8> {
+    let mut made = Made::new(6, Packing::Fixed(200), 300);
+    for (record, &(class, withheld)) in made.records.chunks_mut(30).zip(kinds.iter().cycle()) {
+        record[15..17].copy_from_slice(&[u8::from(withheld) << 2, class]);
+    }
+    made.bytes()
+}
+
+/// Where every point is hidden, nothing is drawn, and it is said what shows them; in both ways of drawing.
+#[test]
+fn hidden_points_are_said_to_be_hidden() {
+    type Words = &'static [&'static str];
+    type Kinds = &'static [(u8, bool)];
+    let cases: [(Kinds, Words, &'static str, Words); 5] = [
+        (&[(2, true)], &[], "every point is withheld (--withheld shows them)", &["--withheld"]),
+        (
+            &[(7, false), (18, false)],
+            &[],
+            "no point is of a class that is shown; there are 7,18 (--classes 7,18 shows them)",
+            &["--classes", "7,18"],
+        ),
+        (
+            &[(2, false), (6, false)],
+            &["--classes", "9"],
+            "there are 2,6 (--classes 2,6 shows them)",
+            &["--classes", "2,6"],
+        ),
+        (
+            &[(7, true)],
+            &[],
+            "every point is both withheld and of such a class (--withheld --classes 7 shows them)",
+            &["--withheld", "--classes", "7"],
+        ),
+        (
+            &[(2, true), (7, false)],
+            &[],
+            "withheld (--withheld shows them), or of a class that is not shown (--classes 7 shows them)",
+            &["--classes", "7"],
+        ),
+    ];
+    let mut all = Vec::new();
+    for (kinds, arguments, says, shows) in cases {
+        for way in [&["--shade", "none"][..], &[]] {
+            for (more, code) in [(arguments, 1), (shows, 0)] {
+                let says = if code == 1 { ["lasray: nothing to draw: ", says] } else { ["300 points"; 2] };
+                all.push(Case::new(format!("{kinds:?} {way:?} {more:?}"), code, &says, move |folder| {
+                    fs::write(folder.join("a.laz"), of_kinds(kinds)).unwrap();
+                    let output = ["a.laz", "-o", "out/a.png"];
+                    Some(words(output.iter().chain(way).chain(more).copied()))
+                }));
+            }
+        }
+    }
+    try_all(all);
+}
+
+/// What files say of themselves reaches no terminal as a command.
+#[test]
+fn words_of_files_are_harmless() {
+    let folder = tempfile::tempdir().unwrap();
+    let citation = b"Grid \x1b[31mRED\x1b]0;x\x07 \xe2\x80\xaeend|\0".to_vec();
+    let keys = [1u16, 1, 0, 3, 1024, 0, 1, 1, 1026, 34737, citation.len() as u16 - 1, 0, 3076, 0, 1, 9001];
+    let mut made = Made::new(3, Packing::Plain, 300);
+    made.vlrs = vec![
+        ("LASF_Projection", 34735, keys.iter().flat_map(|key| key.to_le_bytes()).collect()),
+        ("LASF_Projection", 34737, citation),
+    ];
+    // Windows has no such names.
+    let name = if cfg!(unix) { "a\x1b[2J\nlasray: all is well.las" } else { "a.las" };
+    fs::write(folder.path().join(name), made.bytes()).unwrap();
+    fs::write(folder.path().join(format!("bad {name}")), "").unwrap();
+    for (arguments, harmless) in [
+        (&["info", "."][..], r"Grid \u{1b}[31mRED\u{1b}]0;x\u{7} \u{202e}end"),
+        (&["info", ".", "--json"], r"Grid \\u{1b}[31mRED\\u{1b}]0;x\\u{7} \\u{202e}end"),
+        (&["info", ".", "--scan"], ""),
+        (&["render", ".", "-o", "a.png", "--size", "64x36"], ""),
+        (&["render", ".", "--each", "-o", "{stem}.png", "--size", "64x36"], ""),
+        (&["view", "no such\x1b[2J.las"], ""),
+    ] {
+        let ran = run(folder.path(), &words(arguments.iter().copied()), &[]);
+        let all = format!("{}{}", ran.printed, ran.said);
+        assert!(all.contains(harmless), "{all:?}");
+        let acts = |c: char| c.is_control() && c != '\n' || c == '\u{202e}';
+        assert!(!all.contains(acts), "{arguments:?}: {all:?}");
+        assert!(!all.lines().any(|line| line.starts_with("lasray: all is well")), "{all:?}");
+    }
+    if cfg!(unix) {
+        let ran = run(folder.path(), &words(["info", ".", "--json"]), &[]);
+        assert!(ran.printed.contains(r"./a\\u{1b}[2J\\nlasray: all is well.las"), "{}", ran.printed);
+    }
+}
+
+/// A field that has one value is described as that value.
+#[test]
+fn constant_colours_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let draw = |color: &str, rgb: [u16; 3]| {
+        let mut bytes = las(300);
+        let start = points_at(&bytes);
+        for record in bytes[start..].chunks_exact_mut(34) {
+            record[12..16].copy_from_slice(&[9, 0, 0x09, 6]);
+            record[28..34].copy_from_slice(&rgb.map(u16::to_le_bytes).concat());
+        }
+        fs::write(folder.path().join("a.las"), bytes).unwrap();
+        let picture =
+            ["render", "a.las", "-o", "a.png", "--size", "64x36", "--shade", "none", "--color", color];
+        let picture = picture.iter().chain(&["--background", "none"]).copied();
+        let ran = run(folder.path(), &words(picture), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        let pixels = pixels(&folder.path().join("a.png"));
+        let drawn: Vec<_> =
+            pixels.chunks(4).filter(|pixel| pixel[3] == 255).map(|pixel| &pixel[..3]).collect();
+        assert!(drawn.len() > 100 && drawn.windows(2).all(|two| two[0] == two[1]), "{color}: one colour");
+        (ran.said, drawn[0].to_vec())
+    };
+    for (color, rgb, says, drawn) in [
+        ("rgb", [65_535; 3], "note: colour is 255,255,255 everywhere, drawn in that colour", [255; 3]),
+        ("rgb", [255, 128, 1], "note: colour is 255,128,1 everywhere, drawn in that colour", [255, 128, 1]),
+        ("rgb", [0; 3], "note: colour is 0,0,0 everywhere, drawn grey", [166; 3]),
+        ("class", [0; 3], "note: class is 6 (building) everywhere, drawn in that colour", [224, 96, 62]),
+        ("return", [0; 3], "note: return is single everywhere, drawn in that colour", [222, 208, 178]),
+        ("intensity", [0; 3], "note: intensity is 9 everywhere, drawn grey", [166; 3]),
+    ] {
+        let (said, pixel) = draw(color, rgb);
+        assert!(said.contains(says), "{said}");
+        assert!(
+            pixel.iter().zip(drawn).all(|(a, b)| a.abs_diff(b) <= 1),
+            "{color}: {pixel:?}, not {drawn:?}"
+        );
+    }
+}
+
+/// Twenty points have large cells: all of them are in the picture.
+#[test]
+fn few_points_are_in_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut bytes = scattered(20);
+    let start = points_at(&bytes);
+    for (k, record) in bytes[start..].chunks_exact_mut(34).enumerate() {
+        record[8..12].copy_from_slice(&(k as i32 * 100).to_le_bytes());
+    }
+    fs::write(folder.path().join("a.las"), bytes).unwrap();
+    for more in [&[][..], &["--shade", "none"], &["--orbit", "60,50"]] {
+        let picture = ["render", "a.las", "-o", "a.png", "--size", "160x90", "--background", "none"];
+        let ran = run(folder.path(), &words(picture.iter().chain(more).copied()), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        let pixels = pixels(&folder.path().join("a.png"));
+        let hit: Vec<bool> = pixels.chunks(4).map(|pixel| pixel[3] > 0).collect();
+        let border = (0..hit.len()).filter(|&k| hit[k]).filter_map(|k| {
+            let (x, y) = (k % 160, k / 160);
+            // Without light, columns have no end below.
+            let is_below = y == 89 && !more.contains(&"none");
+            (x == 0 || y == 0 || x == 159 || is_below).then_some([x, y])
+        });
+        let border: Vec<_> = border.collect();
+        assert!(hit.iter().filter(|hit| **hit).count() > 500);
+        assert!(border.is_empty(), "{more:?}: {border:?}");
+    }
+}
+
 fn path_case(code: i32, says: &[&'static str], more: &'static [&'static str]) -> Case {
     Case::new(more.join(" "), code, says, move |folder| {
         fs::write(folder.join("good.las"), las(300)).unwrap();
@@ -971,7 +1132,7 @@ fn one_stray_point_changes_nothing() {
 fn good_real_files_are_drawn_without_complaint() {
     let Some(data) = data_dir() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let bad = |path: &Path| ["hostile", "odd"].iter().any(|f| path.starts_with(data.join(f)));
+    let bad = |path: &Path| ["hostile", "odd", "reports"].iter().any(|f| path.starts_with(data.join(f)));
     let files: Vec<_> = lidar_files(&data).into_iter().filter(|path| !bad(path)).collect();
     assert!(files.len() > 50);
     // What a surveyor would want to know of these files.

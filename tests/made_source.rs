@@ -3,7 +3,7 @@
 mod made;
 
 use lasray::source::{Decoder, LidarFile, PointBlock, SourceError, Warning};
-use made::{Made, Packing, append, columns, decode_all};
+use made::{FORMAT_LEN, Made, Packing, append, columns, compatible, data_dir, decode_all};
 use std::path::PathBuf;
 
 /// A directory that holds one file.
@@ -351,6 +351,125 @@ fn counts_that_lie() {
     }
 }
 
+/// Counts that differ in a LAS 1.4 header: what the standard says of the format, but a file that is as long as one of
+/// them.
+#[test]
+fn two_counts_that_differ() {
+    let with_counts = |format: u8, packing: Packing, legacy: u32, large: u64| {
+        let made = Made { minor: 4, ..Made::new(format, packing, 1000) };
+        let mut bytes = made.bytes();
+        bytes[107..111].copy_from_slice(&legacy.to_le_bytes());
+        bytes[247..255].copy_from_slice(&large.to_le_bytes());
+        (made, bytes)
+    };
+    for packing in [Packing::Plain, Packing::Fixed(300)] {
+        for format in [6, 7, 10] {
+            let (made, bytes) = with_counts(format, packing.clone(), 100, 1000);
+            let why = "point formats 6 to 10 have no 32-bit count";
+            let differ = Warning::CountsDiffer { legacy: 100, large: 1000, used: 1000, why };
+            expect(&made, &bytes, 1000, &[differ]);
+            let (made, bytes) = with_counts(format, packing.clone(), 1000, 0);
+            let why = "the other one is 0";
+            expect(&made, &bytes, 1000, &[Warning::CountsDiffer { legacy: 1000, large: 0, used: 1000, why }]);
+        }
+    }
+    let (las, bytes) = with_counts(1, Packing::Plain, 100, 1000);
+    let why = "the file is as long as that";
+    expect(&las, &bytes, 1000, &[Warning::CountsDiffer { legacy: 100, large: 1000, used: 1000, why }]);
+    for large in [100, 5000] {
+        let (las, bytes) = with_counts(1, Packing::Plain, 1000, large);
+        let why = "it is the one that readers of all versions go by";
+        expect(&las, &bytes, 1000, &[Warning::CountsDiffer { legacy: 1000, large, used: 1000, why }]);
+    }
+}
+
+#[test]
+fn laszips_compatibility_mode_is_undone() {
+    for format in 6..=10 {
+        let packings =
+            [Packing::Plain, Packing::Fixed(300), Packing::Variable(vec![400, 1, 599]), Packing::PointWise];
+        for (packing, extra) in packings.into_iter().zip([0, 0, 3, 2]) {
+            let (made, meant) = compatible(format, extra, packing, 1000);
+            let disk = on_disk(&made.bytes());
+            let file = LidarFile::open(&disk.path).unwrap();
+            assert_eq!(file.warnings, [], "{made:?}");
+            assert_eq!((file.header.format, file.header.stored_format), (format, made.format));
+            assert_eq!(file.points(), 1000);
+            let (all, errors) = decode_all(&file);
+            assert!(errors.is_empty(), "{errors:?}");
+            let len = FORMAT_LEN[usize::from(format)].into();
+            let want = columns(format, len, &meant);
+            assert!(want.class.iter().any(|&class| class > 31) && want.flags.iter().any(|f| f & 8 != 0));
+            assert!(all == want, "{made:?}");
+            // What is stored raw, too.
+            let firsts = Decoder::default().first_points(&file, 1).unwrap().clone();
+            assert_eq!((firsts.class[0], firsts.returns[0]), (want.class[0], want.returns[0]));
+        }
+    }
+}
+
+#[test]
+fn a_compatibility_mode_that_cannot_be_is_said_to_be() {
+    let good = || compatible(6, 0, Packing::Fixed(300), 1000).0;
+    let warnings = |made: &Made| {
+        let disk = on_disk(&made.bytes());
+        let file = LidarFile::open(&disk.path).unwrap();
+        let all = decode_all(&file).0.len() as u64;
+        assert_eq!(all, file.points());
+        let said: Vec<_> = file.warnings.iter().map(ToString::to_string).collect();
+        (file.header.format, all, said.join("; "))
+    };
+    let mut made = good();
+    made.vlrs[0].2.truncate(3 * 192);
+    let (format, points, said) = warnings(&made);
+    assert_eq!((format, points), (1, 1000));
+    assert!(said.contains("names no \"LAS 1.4 flags and channel\": points are read as format 1"), "{said}");
+    let mut made = good();
+    made.vlrs[1].2.truncate(20);
+    assert!(warnings(&made).2.contains("20 bytes, at least 156 are needed"));
+    let mut made = good();
+    // A first entry of which the record has no room.
+    made.vlrs[0].2.splice(0..0, made::extra_entry(10, 0, "wide"));
+    assert!(warnings(&made).2.contains("of a record of 33: points are read as format 1"));
+    // Cut out of a larger file by a program that carries records along.
+    let mut made = good();
+    made.vlrs[1].2[28..36].copy_from_slice(&5000u64.to_le_bytes());
+    let (format, points, said) = warnings(&made);
+    assert_eq!((format, points), (6, 1000));
+    assert!(said.contains("it counts 5000 points, the header 1000; 1000 is used"), "{said}");
+    // A writer that left the part of LAS 1.4 out, and one that left the count of the header out.
+    let mut made = good();
+    made.vlrs[1].2.fill(0);
+    assert_eq!(warnings(&made), (6, 1000, String::new()));
+    let made = good();
+    let mut bytes = made.bytes();
+    bytes[107..111].fill(0);
+    let disk = on_disk(&bytes);
+    let file = LidarFile::open(&disk.path).unwrap();
+    assert_eq!((file.points(), file.warnings.len()), (1000, 0), "{:?}", file.warnings);
+}
+
+/// The files that were made after what people reported of other readers.
+#[test]
+fn reported_files_are_read_as_they_are_meant() {
+    let Some(folder) = data_dir().map(|data| data.join("reports")).filter(|folder| folder.is_dir()) else {
+        println!("skipped: no files after reports");
+        return;
+    };
+    let read = |name: &str| {
+        let file = LidarFile::open(&folder.join(name)).unwrap();
+        let (all, errors) = decode_all(&file);
+        assert!(errors.is_empty(), "{errors:?}");
+        (file, all)
+    };
+    let (_, all) = read("legacy_count_format6.las");
+    assert_eq!(all.len(), 6000);
+    let (file, all) = read("compat_mode.laz");
+    assert_eq!((file.header.format, file.header.stored_format, all.len()), (6, 1, 6400));
+    let of = |class: u8| all.class.iter().filter(|&&c| c == class).count();
+    assert_eq!([of(0), of(40), of(45), of(64)], [0, 5876, 204, 320]);
+}
+
 #[test]
 fn a_file_cut_anywhere_gives_its_beginning() {
     let packings = [
@@ -451,7 +570,7 @@ fn the_las_writer_is_understood() {
             let header = builder.into_header().unwrap();
             let dir = tempfile::tempdir().unwrap();
             let path = dir.path().join(if compressed { "w.laz" } else { "w.las" });
-            let len = usize::from(made::FORMAT_LEN[usize::from(format)]);
+            let len = usize::from(FORMAT_LEN[usize::from(format)]);
             let raw = made::records(format, 0, 60_000);
             let points =
                 las::PointDataBuilder::new().for_header(&header).build_from_bytes(raw.clone()).unwrap();

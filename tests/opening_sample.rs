@@ -1,10 +1,13 @@
 //! The opening sample of real files against the same decisions from every point.
 
+mod made;
+
 use lasray::attribute::ColorMode;
 use lasray::sample::{self, Budget, CellChoice, Opened, Patch, RgbDepth, Sample};
 use lasray::source::inputs;
 use lasray::source::placement::PlacementOptions;
 use lasray::source::{Decoder, LidarFile};
+use made::{Made, Packing};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -60,7 +63,7 @@ fn every_point(file: &LidarFile, mut see: impl FnMut([i32; 3], u8, u8)) {
 fn sets(data: &Path) -> Vec<(String, Vec<PathBuf>)> {
     let files = inputs::expand([data]).files;
     let good = |path: &PathBuf| {
-        !path.to_string_lossy().contains("hostile") && !path.to_string_lossy().contains("/odd/")
+        !["/hostile/", "/odd/", "/reports/"].iter().any(|folder| path.to_string_lossy().contains(folder))
     };
     let name = |path: &Path| path.strip_prefix(data).unwrap().display().to_string();
     let mut sets: Vec<_> =
@@ -234,4 +237,133 @@ fn the_order_of_the_inputs_changes_nothing() {
     };
     assert_eq!(take(&forth), take(&forth));
     assert_eq!(take(&forth), take(&back));
+}
+
+/// Records of format 1 at these raw X, Y, Z; a file with the header fields `scale` and `offset`.
+fn points(raw: &[[i32; 3]], packing: Packing, scale: [f64; 3], offset: [f64; 3]) -> Made {
+    let mut made = Made::new(1, packing, raw.len());
+    for (record, raw) in made.records.chunks_mut(28).zip(raw) {
+        record[..12].copy_from_slice(&raw.map(i32::to_le_bytes).concat());
+        record[14..16].copy_from_slice(&[0x09, 2]);
+    }
+    made.header = Some((scale, offset));
+    made
+}
+
+fn sample_made(files: &[Made], budget: &Budget) -> Sample {
+    let folder = tempfile::tempdir().unwrap();
+    let paths: Vec<PathBuf> = (0..files.len()).map(|k| folder.path().join(format!("{k}.laz"))).collect();
+    for (path, made) in paths.iter().zip(files) {
+        std::fs::write(path, made.bytes()).unwrap();
+    }
+    let files = open(&paths);
+    assert_eq!(files.len(), paths.len());
+    sample::take(&files, &PlacementOptions::default(), budget)
+}
+
+const CENTIMETRES: [f64; 3] = [0.01; 3];
+
+/// Raw points every metre over a square with this south-west corner, in metres.
+fn square(side: i32, corner: [i32; 2]) -> Vec<[i32; 3]> {
+    let at = |k: i32| [(corner[0] + k % side) * 100, (corner[1] + k / side) * 100, 1000 + k % 50];
+    (0..side * side).map(at).collect()
+}
+
+/// One point of these among so many others.
+fn strewn(mut among: Vec<[i32; 3]>, every: usize, point: [i32; 3]) -> Vec<[i32; 3]> {
+    among.iter_mut().step_by(every).for_each(|p| *p = point);
+    among
+}
+
+#[test]
+fn points_without_a_position_are_not_framed() {
+    let budgets = [Budget::default(), Budget { whole: 1_000, ..Budget::default() }];
+    for (budget, every) in budgets.iter().flat_map(|budget| [3, 20, 2_000].map(|every| (budget, every))) {
+        for packing in [Packing::Fixed(50_000), Packing::Fixed(500)] {
+            let town = strewn(square(120, [2000, 24_000]), every, [0; 3]);
+            let sample = sample_made(&[points(&town, packing, CENTIMETRES, [0.0; 3])], budget);
+            let bounds = sample.bounds.unwrap();
+            assert!(bounds.min.x >= 2000.0 && bounds.size().x < 120.0, "{every}: {bounds:?}");
+            assert!(bounds.min.y >= 24_000.0 && bounds.min.z >= 10.0, "{every}: {bounds:?}");
+            // A third of the cells are holes.
+            assert_eq!(sample.cell.cell, if every == 3 { 2.0 } else { 1.0 }, "{every}");
+            if sample.whole {
+                let [note] = &sample.notes[..] else { panic!("{:?}", sample.notes) };
+                let zeros = 14_400_usize.div_ceil(every);
+                let words = note.words(None);
+                assert!(words.starts_with(&format!("{zeros} points")), "{words}");
+                assert!(words.contains(" at 0, 0, 24083 units from the others, are not framed"), "{words}");
+                assert!((10.0..10.1).contains(&sample.attributes.height.p2));
+            } else if every <= 20 {
+                assert!(sample.notes[0].words(None).starts_with("about "), "{:?}", sample.notes);
+            }
+        }
+    }
+}
+
+#[test]
+fn places_far_apart_are_framed_and_said_to_be() {
+    let [here, there] = [square(100, [0, 0]), square(60, [185_000, 0])];
+    let both: Vec<_> = here.iter().chain(&there).copied().collect();
+    let of = |raw: &[[i32; 3]]| points(raw, Packing::Fixed(5_000), CENTIMETRES, [0.0; 3]);
+    for files in [vec![of(&both)], vec![of(&here), of(&there)]] {
+        let sample = sample_made(&files, &Budget::default());
+        assert_eq!(sample.bounds.unwrap().size().x, 185_059.0);
+        let [note] = &sample.notes[..] else { panic!("{:?}", sample.notes) };
+        assert!(!note.is_warning());
+        assert_eq!(
+            note.words(None),
+            "the data lies at places 184901 units apart: with all of it framed, each is small"
+        );
+    }
+    let sample = sample_made(&[of(&here)], &Budget::default());
+    assert!(sample.notes.is_empty(), "{:?}", sample.notes);
+}
+
+/// The latitude that degrees are scaled at comes from the middle of the file, whatever its first record says.
+#[test]
+fn one_wrong_first_point_does_not_move_the_middle_of_a_file() {
+    let degree = |k: i32| [k % 80 * 90, k / 80 * 90, 1000 + k % 30];
+    let town: Vec<_> = (0..6400).map(degree).collect();
+    let keys: Vec<u8> =
+        [1u16, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4326].iter().flat_map(|k| k.to_le_bytes()).collect();
+    let file = |first: [i32; 3], packing| {
+        let mut raw = town.clone();
+        raw[0] = first;
+        let mut made = points(&raw, packing, [1e-7, 1e-7, 0.01], [10.0, 60.0, 0.0]);
+        made.vlrs.push(("LASF_Projection", 34735, keys.clone()));
+        sample_made(&[made], &Budget::default())
+    };
+    for packing in [Packing::Fixed(50_000), Packing::Fixed(2_500), Packing::Fixed(300)] {
+        let sound = file(town[0], packing.clone());
+        assert!(sound.notes.is_empty(), "{:?}", sound.notes);
+        // 0, 0, 0 in degrees.
+        let wrong = file([-100_000_000, -600_000_000, 0], packing);
+        assert_eq!(wrong.world.placements, sound.world.placements);
+        let (wrong, sound) = (wrong.bounds.unwrap(), sound.bounds.unwrap());
+        assert!((wrong.size() - sound.size()).abs().max_element() < 2.0, "{wrong:?}, not {sound:?}");
+        assert!((wrong.size().x / wrong.size().y - 0.5).abs() < 0.01, "{wrong:?}");
+    }
+}
+
+/// Files made after what people reported of other readers.
+#[test]
+fn reported_files_are_framed_as_they_are_meant() {
+    let Some(folder) = data().map(|data| data.join("reports")).filter(|folder| folder.is_dir()) else {
+        println!("skipped: no files after reports");
+        return;
+    };
+    let (_, zeros) = sample_of(&folder, "zeros5pct.laz");
+    let size = zeros.bounds.unwrap().size();
+    assert!(size.x < 81.0 && size.y < 81.0, "{size}");
+    let said: Vec<_> = zeros.notes.iter().map(|note| note.words(None)).collect();
+    assert_eq!(said, ["320 points (5.0 %) at 0, 0, 5427105 units from the others, are not framed"]);
+    let (_, degrees) = sample_of(&folder, "deg60_first_is_zero.laz");
+    let size = degrees.bounds.unwrap().size();
+    assert!((size.x - 80.0).abs() < 1.0 && (size.y - 80.0).abs() < 1.0, "{size}");
+    let (_, few) = sample_of(&folder, "twenty_points.laz");
+    assert_eq!(few.bounds.unwrap().size().round(), glam::DVec3::new(402.0, 375.0, 17.0));
+    let (_, white) = sample_of(&folder, "rgb_white.laz");
+    assert_eq!((white.files[0].rgb, white.files[0].rgb_constant), (RgbDepth::Sixteen, Some([65_535; 3])));
+    assert_eq!(white.attributes.rgb_constant, Some([255; 3]));
 }

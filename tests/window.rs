@@ -477,3 +477,20 @@ fn without_anything_to_see_the_window_says_why() {
         assert_eq!(count, "1 of 1 input left out or failed");
     });
 }
+
+#[test]
+fn where_every_point_is_hidden_the_window_says_what_shows_them() {
+    common::run("where_every_point_is_hidden_the_window_says_what_shows_them", LAVAPIPE, |_| {
+        let test = "where_every_point_is_hidden_the_window_says_what_shows_them";
+        let Some(display) = Display::open(test) else { return };
+        let (folder, _) = town();
+        let window = Window::open(&display, folder.path(), &["--classes", "99", "."]);
+        let why = window.wait_all("hidden ").1;
+        assert!(
+            why.starts_with("nothing to draw: no point is of a class that is shown; there are "),
+            "{why}"
+        );
+        assert!(why.contains(" (--classes ") && why.ends_with(" shows them)"), "{why}");
+        assert_eq!(window.end(), Some(0));
+    });
+}

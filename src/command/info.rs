@@ -9,10 +9,11 @@ use crate::attribute::ColorMode;
 use crate::gpu::{DeviceInfo, list_devices};
 use crate::output::{Protected, Signed, Target, print};
 use crate::problems::Problems;
-use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
+use crate::sample::{self, Bounds, Budget, FrameNote, Opened, RgbDepth, Sample};
 use crate::source::crs::{Crs, CrsKind, Unit};
 use crate::source::inputs::{self, Inputs};
 use crate::source::placement::{Placement, PlacementNote};
+use crate::text::{harmless, harmless_lines};
 use anyhow::Context;
 use scan::Scan;
 use serde::Serialize;
@@ -81,7 +82,8 @@ fn tell(args: &Args, page: &str, all: &impl Serialize, protected: &Protected) ->
     }
     match args.json {
         Some(Target::Stdout) => Ok(()),
-        _ => print(page).context("cannot write to standard output"),
+        // Nothing that a terminal obeys, wherever it came from.
+        _ => print(&harmless_lines(page)).context("cannot write to standard output"),
     }
 }
 
@@ -102,7 +104,11 @@ struct FileReport {
     version: String,
     /// LAS, LAZ or COPC.
     kind: &'static str,
+    /// What the points are.
     point_format: u8,
+    /// The format that they are kept in, where it is another one: LASzip's compatibility mode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    kept_as: Option<u8>,
     /// Points that can be read.
     points: u64,
     /// Points that the header claims.
@@ -118,6 +124,9 @@ struct FileReport {
     density: Option<f64>,
     /// "absent" where the format has none; "none" where the fields hold no colour.
     rgb: &'static str,
+    /// As stored, where it is the same everywhere and not black.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    rgb_constant: Option<[u16; 3]>,
     /// Its coordinate system is transformed into that of all.
     transformed: bool,
     /// It is not drawn, since there is no way from its coordinate system into that of all.
@@ -226,14 +235,14 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
 /// What is missing, in whole or in part, goes to `problems`, too.
 fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Report {
     problems.look_at(found);
-    let mut failed: Vec<String> = found.failed.iter().map(ToString::to_string).collect();
+    let mut failed: Vec<String> = found.failed.iter().map(|error| harmless(&error.to_string())).collect();
     let mut files = Vec::new();
     for opened in sample::open_all(&found.files) {
         match opened {
             Ok(opened) => files.push(opened),
             Err(error) => {
                 problems.error(&error);
-                failed.push(error.to_string());
+                failed.push(harmless(&error.to_string()));
             }
         }
     }
@@ -252,7 +261,7 @@ fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Report {
         reports[*index].unreadable = true;
         if reports[*index].scan.is_none() {
             problems.error(problem);
-            reports[*index].warnings.push(problem.to_string());
+            reports[*index].warnings.push(harmless(&problem.to_string()));
         }
     }
     for note in &sample.world.notes {
@@ -289,7 +298,7 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
     };
     let warnings = file.warnings.iter().map(ToString::to_string);
     FileReport {
-        path: file.path().display().to_string(),
+        path: harmless(&file.path().to_string_lossy()),
         version: format!("{}.{}", header.version.0, header.version.1),
         kind: match (header.compressed, &file.copc) {
             (_, Some(_)) => "COPC",
@@ -297,6 +306,7 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
             (false, None) => "LAS",
         },
         point_format: header.format,
+        kept_as: Some(header.stored_format).filter(|&stored| stored != header.format),
         points: file.points(),
         claimed_points: header.claimed_points,
         chunks: file.chunks.len(),
@@ -306,9 +316,13 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
         density,
         rgb,
         transformed: sample.world.placements[index].as_ref().is_some_and(Placement::is_transformed),
+        rgb_constant: sample.files[index].rgb_constant,
         left_out: sample.world.placements[index].is_none() && file.points() > 0,
         unreadable: file.points() < header.claimed_points,
-        warnings: warnings.chain(crs_errors.iter().map(ToString::to_string)).collect(),
+        warnings: warnings
+            .chain(crs_errors.iter().map(ToString::to_string))
+            .map(|line| harmless(&line))
+            .collect(),
         scan: None,
     }
 }
@@ -317,6 +331,10 @@ fn total(sample: &Sample, reports: &[FileReport]) -> Total {
     let note = |note: &PlacementNote| match note.file() {
         Some(index) => format!("{}: {note}", reports[index].path),
         None => note.to_string(),
+    };
+    let frame_note = |note: &FrameNote| {
+        let words = note.words(sample.world.unit.as_ref());
+        note.file().map_or(words.clone(), |index| format!("{}: {words}", reports[index].path))
     };
     let drawn = reports.iter().filter(|report| !report.left_out);
     let (attributes, mut scan) = (&sample.attributes, None);
@@ -347,7 +365,7 @@ fn total(sample: &Sample, reports: &[FileReport]) -> Total {
         height_p2_p98: [attributes.height.p2, attributes.height.p98],
         intensity_p2_p98: [attributes.intensity.p2, attributes.intensity.p98],
         sampled: sample.sampled,
-        notes: sample.world.notes.iter().map(note).collect(),
+        notes: sample.world.notes.iter().map(note).chain(sample.notes.iter().map(frame_note)).collect(),
         scan,
     }
 }

@@ -4,7 +4,7 @@ mod frames;
 
 use super::placement::PlacementArgs;
 use super::{Outcome, UsageError, check_targets};
-use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
+use crate::attribute::{ClassMask, ColorMode, ColorTable, Kinds, Ramp};
 use crate::coords::{Height, SectionKey, tidy};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Order};
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
@@ -21,10 +21,12 @@ use crate::source::inputs::{self, Inputs};
 use crate::source::learned::Cache;
 use crate::stream::bins::{Budget, Core};
 use crate::stream::builds::OpenInput;
+use crate::stream::hidden::why_hidden;
 use crate::stream::live::{Live, Status};
 use crate::stream::pool::{Access, slot_bytes};
 use crate::stream::residency::Sight;
 use crate::stream::scene::{Scene, Visibility};
+use crate::text::harmless;
 use anyhow::Context;
 use frames::Pattern;
 use glam::DVec3;
@@ -482,9 +484,7 @@ fn visibility(args: &Args) -> Visibility {
 }
 
 /// Packs on one thread while another copies; what is packed is freed.
-/// Gives the classes that are there, in any order.
-pub fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow::Result<Vec<u8>> {
-    let mut present = Vec::new();
+pub fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow::Result<()> {
     let (send, receive) = crossbeam_channel::bounded::<(SectionKey, Packed)>(4);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let work = std::sync::Mutex::new(sections.into_iter());
@@ -504,7 +504,6 @@ pub fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow
         }
         drop(send);
         for (key, packed) in receive {
-            present.extend(packed.highest_of.iter().map(|(class, _, _)| class));
             anyhow::ensure!(
                 scene.upload(key, &packed)?,
                 "the sections do not fit the device memory: give more with --device-memory, or a larger --cell"
@@ -513,7 +512,7 @@ pub fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow
         Ok(())
     })?;
     scene.settle()?;
-    Ok(present)
+    Ok(())
 }
 
 /// The frames of a path that are to be drawn, and where they go.
@@ -600,6 +599,8 @@ fn draw(
     let place = |v: DVec3| base.place(v);
     let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
     let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
+    // A map is of the points' extent; in a view, the cells of a few points reach far beyond it.
+    let framed = if args.ortho.is_none() { framed.of_cells(grid.cell()) } else { framed };
     let (cameras, size) = match film {
         Some(film) => (film.cameras(place)?, args.size.unwrap_or([1280, 720])),
         None => camera(args, &framed, place).map(|(camera, size)| (vec![camera], size))?,
@@ -620,11 +621,9 @@ fn draw(
     let (mut live, points, sections) = match content {
         Content::Whole(sections, points) => {
             let count = sections.len();
-            let mut present = upload(&mut scene, sections)?;
-            if scene.shows_nothing() {
-                present.sort_unstable();
-                present.dedup();
-                anyhow::bail!(none_shown(&present));
+            upload(&mut scene, sections)?;
+            if let Some(why) = why_hidden(&scene.kinds(), &scene.visibility()) {
+                anyhow::bail!("nothing to draw: {why}");
             }
             (None, points, count)
         }
@@ -648,7 +647,7 @@ fn draw(
     if let Some(constant) = &colors.constant
         && !args.quiet
     {
-        eprintln!("note: {constant}, drawn grey");
+        eprintln!("note: {constant}");
     }
 
     let exr = Format::of(output)? == Format::Exr;
@@ -713,10 +712,10 @@ fn draw(
                 renderer.table_of(&scene, live.shown())
             }
         };
-        let present = (0u8..=255).filter(|&class| about.classes[usize::from(class)] > 0);
-        let some_shown = |class: &u8| scene.visibility().shows(*class, false);
-        if live.is_some() && scene.shows_nothing() && !present.clone().any(|class| some_shown(&class)) {
-            anyhow::bail!(none_shown(&present.collect::<Vec<_>>()));
+        // Where nothing is in sight, the sample tells what there is elsewhere.
+        let seen: Kinds = scene.kinds().union(&about.kinds).copied().collect();
+        if let Some(why) = why_hidden(&seen, &scene.visibility()) {
+            anyhow::bail!("nothing to draw: {why}");
         }
         let image = renderer.draw_table(&mut scene, &view, &table).map_err(usage)?;
         write(&image, &view, Output::over(output, protected), &beside)
@@ -739,7 +738,7 @@ fn draw(
         let pictures = film.map_or(String::new(), |f| plural(f.frames.len() as u64, "picture") + " of ");
         eprintln!(
             "{}: {pictures}{}x{} pixels, {} in {}, cells of {cell} {unit}, coloured by {}{legend}",
-            output.display(),
+            harmless(&output.to_string_lossy()),
             size[0],
             size[1],
             plural(points, "point"),
@@ -756,11 +755,6 @@ enum Content {
     Whole(Vec<(SectionKey, Columns)>, u64),
     /// Files to be read.
     Live(Vec<OpenInput>, Core),
-}
-
-fn none_shown(present: &[u8]) -> String {
-    let present = present.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");
-    format!("nothing to draw: no point is of a class that is shown; there are {present}")
 }
 
 /// Reads and uploads what a picture needs, or until there is something to see.

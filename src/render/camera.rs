@@ -92,6 +92,14 @@ impl Bounds {
         Bounds { min: snap(self.min), max: snap(self.max) }
     }
 
+    /// The box out to the borders of the cells of `cell` that it touches: what is drawn of points that lie in it.
+    pub fn of_cells(&self, cell: f64) -> Bounds {
+        let out = |v: f64, border: fn(f64) -> f64| border(v / cell) * cell;
+        let [west, south] = [self.min.x, self.min.y].map(|v| out(v, f64::floor));
+        let [east, north] = [self.max.x, self.max.y].map(|v| out(v, |v| v.floor() + 1.0));
+        Bounds { min: DVec3::new(west, south, self.min.z), max: DVec3::new(east, north, self.max.z) }
+    }
+
     /// The box as it is shown under vertical exaggeration about `pivot_u`.
     pub fn exaggerated(&self, z_scale: f64, pivot_u: f64) -> Bounds {
         let shown = |v: DVec3| DVec3 { z: pivot_u + (v.z - pivot_u) * z_scale, ..v };

@@ -1,7 +1,9 @@
 //! Bounds that hold the data and not the stray points, and the ground that boxes cover.
 
 use super::quantile;
-use glam::DVec3;
+use crate::coords::tidy;
+use crate::source::crs::Unit;
+use glam::{DVec2, DVec3};
 
 /// An axis-aligned box in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,12 +47,190 @@ const STRAY: f64 = 0.002;
 /// With fewer points the sample cannot tell a stray point from the file's edge.
 pub(super) const ENOUGH: usize = 30;
 
+/// A gap so many times as long as all that lies on both sides of it parts places that have nothing to do with each
+/// other.
+const FAR: f64 = 8.0;
+/// Share of a file's points below which a place that is far from the others is not framed.
+const FEW: f64 = 0.01;
+/// Fewer points than this are no place that something else could be far from.
+const A_PLACE: usize = 8;
+/// Places that are looked for in a file.
+const MOST_PLACES: usize = 16;
+
+/// What of one file is framed.
+#[derive(Clone, Debug, Default)]
+pub struct Framed {
+    /// The box; `None` for no points.
+    pub bounds: Option<Bounds>,
+    /// What is left out of it because it lies far away.
+    pub left_out: Option<LeftOut>,
+    /// How far two places are apart that both count.
+    pub apart: Option<f64>,
+    /// Axis, and the values on it that count.
+    cuts: Vec<(usize, [f64; 2])>,
+}
+
+/// Points that are few and lie far from the others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeftOut {
+    /// How many they are: what those that were seen stand for.
+    pub points: f64,
+    /// Their share in all points of the file.
+    pub share: f64,
+    /// How many were seen.
+    pub seen: usize,
+    /// Where they all lie, if that is one place.
+    pub spot: Option<DVec3>,
+    /// Distance on the ground from the box to the nearest.
+    pub distance: f64,
+}
+
+impl Framed {
+    /// Of a file whose header has `header`; `points` with weights, in world coordinates, hidden points left out.
+    ///
+    /// Where the points lie at two places with a [`FAR`] gap between, one of them is left out if it holds [`FEW`]
+    /// points, or less than half of them at one E, N: such are points without a position, most often at 0, 0.
+    pub fn of(header: Option<Bounds>, points: &[(DVec3, f64)]) -> Framed {
+        let mut framed = Framed::default();
+        let mut kept = points.to_vec();
+        let total: f64 = points.iter().map(|(_, weight)| weight).sum();
+        while framed.cuts.len() < MOST_PLACES
+            && let Some(gap) = largest_gap(&kept)
+        {
+            let (low, high): (Vec<_>, Vec<_>) =
+                kept.iter().copied().partition(|(point, _)| point[gap.axis] < gap.middle);
+            let weight = |part: &[(DVec3, f64)]| part.iter().map(|(_, weight)| weight).sum::<f64>();
+            let is_low = weight(&low) < weight(&high);
+            let (lesser, main) = if is_low { (low, high) } else { (high, low) };
+            let is_little = weight(&lesser) < FEW * total
+                || spot(&lesser).is_some() && spot(&main).is_none() && weight(&lesser) < 0.5 * total;
+            if main.len() < A_PLACE || !is_little {
+                if lesser.len() >= A_PLACE {
+                    framed.apart = Some(gap.length);
+                }
+                break;
+            }
+            let side = if is_low { [gap.middle, f64::INFINITY] } else { [f64::NEG_INFINITY, gap.middle] };
+            framed.cuts.push((gap.axis, side));
+            kept = main;
+        }
+        framed.bounds = file_bounds(header, &kept);
+        let Some(bounds) = framed.bounds else { return framed };
+        let off = |point: DVec3| (bounds.min - point).max(point - bounds.max).truncate().max(DVec2::ZERO);
+        let reach = FAR * bounds.size().truncate().max_element();
+        let is_far = |point: DVec3| kept.len() >= A_PLACE && off(point).max_element() > reach.max(1e-9);
+        let (far, near): (Vec<_>, Vec<_>) =
+            points.iter().copied().partition(|(p, _)| !framed.keeps(*p) || is_far(*p));
+        if !far.is_empty() {
+            framed.bounds = file_bounds(header.and_then(|header| without(header, &far, &near)), &near);
+            let left: f64 = far.iter().map(|(_, weight)| weight).sum();
+            framed.left_out = Some(LeftOut {
+                points: left,
+                share: left / total,
+                seen: far.len(),
+                spot: spot(&far),
+                distance: far.iter().map(|(point, _)| off(*point).length()).fold(f64::INFINITY, f64::min),
+            });
+        }
+        framed
+    }
+
+    /// Whether a point is not one of those that were left out as a place of their own.
+    pub fn keeps(&self, point: DVec3) -> bool {
+        self.cuts.iter().all(|(axis, [low, high])| (*low..*high).contains(&point[*axis]))
+    }
+}
+
+/// A header without the heights that it owes to `far` points: there it is as the `near` ones are.
+fn without(header: Bounds, far: &[(DVec3, f64)], near: &[(DVec3, f64)]) -> Option<Bounds> {
+    let range = |points: &[(DVec3, f64)]| {
+        let heights = points.iter().map(|(point, _)| point.z);
+        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], z| [z.min(lo), z.max(hi)])
+    };
+    let ([far_low, far_high], [low, high]) = (range(far), range(near));
+    let min = if far_low < low { low } else { header.min.z };
+    let max = if far_high > high { high } else { header.max.z };
+    Bounds::new(header.min.with_z(min), header.max.with_z(max))
+}
+
+/// The one E, N of all `points`, if there is one.
+fn spot(points: &[(DVec3, f64)]) -> Option<DVec3> {
+    let first = points.first()?.0;
+    points.iter().all(|(point, _)| point.truncate() == first.truncate()).then_some(first)
+}
+
+/// A gap between places.
+struct Gap {
+    /// 0: it lies from west to east.
+    axis: usize,
+    length: f64,
+    middle: f64,
+}
+
+/// The longest [`FAR`] gap in `points`, stray ones left out of account; O(n).
+fn largest_gap(points: &[(DVec3, f64)]) -> Option<Gap> {
+    let strays = (STRAY * points.len() as f64) as usize;
+    let on_axis = |axis: usize| {
+        let mut values: Vec<f64> = points.iter().map(|(point, _)| point[axis]).collect();
+        let last = values.len().checked_sub(1 + strays)?;
+        let low = *values.select_nth_unstable_by(strays, f64::total_cmp).1;
+        let high = *values.select_nth_unstable_by(last, f64::total_cmp).1;
+        // Such a gap leaves nothing but the ends.
+        let end = (high - low) / (FAR + 1.0);
+        let (mut west, mut east) = (low, high);
+        for value in values {
+            if value < low || value > high {
+                continue;
+            }
+            if value <= low + end {
+                west = west.max(value);
+            } else if value >= high - end {
+                east = east.min(value);
+            } else {
+                return None;
+            }
+        }
+        let length = east - west;
+        let is_far = length > FAR * (high - low - length) && length > 0.0;
+        is_far.then_some(Gap { axis, length, middle: west + 0.5 * length })
+    };
+    let gaps = [on_axis(0), on_axis(1)];
+    gaps.into_iter().flatten().max_by(|a, b| a.length.total_cmp(&b.length).then(b.axis.cmp(&a.axis)))
+}
+
+/// How far the files' boxes lie apart on the ground, where they lie at two places with a [`FAR`] gap between.
+pub fn apart(boxes: &[Bounds]) -> Option<f64> {
+    let on_axis = |axis: usize| {
+        let mut ends: Vec<[f64; 2]> = boxes.iter().map(|b| [b.min[axis], b.max[axis]]).collect();
+        ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let first = ends.first()?[0];
+        let (mut end, mut longest) = (first, 0.0_f64);
+        for [from, to] in ends {
+            longest = longest.max(from - end);
+            end = end.max(to);
+        }
+        (longest > FAR * (end - first - longest) && longest > 0.0).then_some(longest)
+    };
+    [on_axis(0), on_axis(1)].into_iter().flatten().reduce(f64::max)
+}
+
+/// A header that begins at 0, 0, far from all points that were seen: some points lie there that have no position.
+fn begins_nowhere(header: Bounds, points: &[(DVec3, f64)]) -> bool {
+    let corner = header.min.truncate();
+    let far = header.max.truncate() * 0.9;
+    corner == DVec2::ZERO && !points.is_empty() && points.iter().all(|(p, _)| p.truncate().cmpgt(far).all())
+}
+
 /// The box of one file: each side as its header has it, where the sample bears that out; else as far as
 /// the sample reaches without stray points. `points` with weights; hidden points left out.
 pub fn file_bounds(header: Option<Bounds>, points: &[(DVec3, f64)]) -> Option<Bounds> {
-    if points.len() < ENOUGH && header.is_some() {
-        return header;
+    if points.len() < ENOUGH
+        && let Some(header) = header
+        && !begins_nowhere(header, points)
+    {
+        return Some(header);
     }
+    let header = header.filter(|header| points.len() >= ENOUGH || !begins_nowhere(*header, points));
     let core = |axis: usize| {
         let mut values: Vec<(f64, f64)> =
             points.iter().map(|(point, weight)| (point[axis], *weight)).collect();
@@ -75,16 +255,131 @@ pub fn file_bounds(header: Option<Bounds>, points: &[(DVec3, f64)]) -> Option<Bo
     Bounds::new(min, max)
 }
 
+/// What is not obvious about what is framed.
+#[derive(Clone, Debug, PartialEq)]
+pub enum FrameNote {
+    /// Points of a file that are not framed.
+    LeftOut {
+        /// The file.
+        file: usize,
+        /// Which points.
+        points: LeftOut,
+        /// Every point of the file was seen.
+        exact: bool,
+    },
+    /// Files that are not framed.
+    FarFiles {
+        /// Which.
+        files: Vec<usize>,
+        /// From the others to the nearest of them, on the ground, world units.
+        distance: f64,
+    },
+    /// Two places are framed, far from each other.
+    Apart {
+        /// From one to the other, world units.
+        distance: f64,
+    },
+}
+
+impl FrameNote {
+    /// The file that it is about, if that is one.
+    pub fn file(&self) -> Option<usize> {
+        match self {
+            FrameNote::LeftOut { file, .. } => Some(*file),
+            _ => None,
+        }
+    }
+
+    /// Whether something is wrong with the data.
+    pub fn is_warning(&self) -> bool {
+        !matches!(self, FrameNote::Apart { .. })
+    }
+
+    /// In words; `unit` is that of world coordinates.
+    pub fn words(&self, unit: Option<&Unit>) -> String {
+        let far = |distance: f64| {
+            let metres = unit.filter(|unit| unit.si == 1.0);
+            match metres {
+                Some(_) if distance >= 10_000.0 => format!("{:.0} km", distance / 1000.0),
+                _ => format!("{distance:.0} {}", unit.map_or("units", Unit::symbol)),
+            }
+        };
+        match self {
+            FrameNote::LeftOut { points, exact, .. } => {
+                let LeftOut { points, share, seen, spot, distance } = points;
+                let count = match exact {
+                    true if *seen == 1 => "1 point".to_owned(),
+                    true => format!("{seen} points"),
+                    // A handful says little of how many there are.
+                    false if *seen < A_PLACE => "some points".to_owned(),
+                    false => format!("about {points:.0} points"),
+                };
+                let percent = 100.0 * share;
+                let share = if percent >= 0.05 { format!(" ({percent:.1} %)") } else { String::new() };
+                let at = spot.map_or(String::new(), |at| format!(" at {}, {}", tidy(at.x), tidy(at.y)));
+                let far = far(*distance);
+                let verb = if *exact && *seen == 1 { "is" } else { "are" };
+                format!("{count}{share}{at}, {far} from the others, {verb} not framed")
+            }
+            FrameNote::FarFiles { files, distance } => {
+                let far = far(*distance);
+                match files.len() {
+                    1 => format!("1 file with next to no points, {far} from the others, is not framed"),
+                    n => format!("{n} files with next to no points, {far} from the others, are not framed"),
+                }
+            }
+            FrameNote::Apart { distance } => {
+                format!(
+                    "the data lies at places {} apart: with all of it framed, each is small",
+                    far(*distance)
+                )
+            }
+        }
+    }
+}
+
+/// The box of the whole, and what is to be said of it. `points`: of a file; `exact`: every point was seen.
+pub fn whole(
+    files: &[Framed],
+    points: impl Fn(usize) -> u64,
+    exact: bool,
+) -> (Option<Bounds>, Vec<FrameNote>) {
+    let boxes: Vec<(usize, Bounds)> =
+        files.iter().enumerate().filter_map(|(file, framed)| Some((file, framed.bounds?))).collect();
+    let sized: Vec<(Bounds, u64)> = boxes.iter().map(|&(file, bounds)| (bounds, points(file))).collect();
+    let (whole, far_off) = whole_bounds(&sized);
+    let mut notes: Vec<FrameNote> = files
+        .iter()
+        .enumerate()
+        .filter_map(|(file, framed)| Some(FrameNote::LeftOut { file, points: framed.left_out?, exact }))
+        .collect();
+    if let Some(whole) = whole
+        && !far_off.is_empty()
+    {
+        let off = |b: Bounds| (whole.min - b.max).max(b.min - whole.max).truncate().max(DVec2::ZERO).length();
+        let distance = far_off.iter().map(|&at| off(boxes[at].1)).fold(f64::INFINITY, f64::min);
+        let files = far_off.iter().map(|&at| boxes[at].0).collect();
+        notes.push(FrameNote::FarFiles { files, distance });
+    }
+    let framed = (0..boxes.len()).filter(|at| !far_off.contains(at));
+    let framed: Vec<Bounds> = framed.map(|at| boxes[at].1).collect();
+    let within = files.iter().filter_map(|framed| framed.apart);
+    if let Some(distance) = within.chain(apart(&framed)).reduce(f64::max) {
+        notes.push(FrameNote::Apart { distance });
+    }
+    (whole, notes)
+}
+
 /// The box of the whole: of all files but those that lie far off and hold next to nothing (under 0.1 %
-/// of the points together).
-pub fn whole_bounds(files: &[(Bounds, u64)]) -> Option<Bounds> {
+/// of the points together); and which those are.
+pub fn whole_bounds(files: &[(Bounds, u64)]) -> (Option<Bounds>, Vec<usize>) {
     let total: u64 = files.iter().map(|(_, points)| points).sum();
     let by_size = {
         let mut order: Vec<usize> = (0..files.len()).collect();
         order.sort_by_key(|&index| (std::cmp::Reverse(files[index].1), index));
         order
     };
-    let mut whole: Option<Bounds> = None;
+    let (mut whole, mut far_off): (Option<Bounds>, _) = (None, Vec::new());
     let mut held = 0;
     for index in by_size {
         let (bounds, points) = files[index];
@@ -94,12 +389,17 @@ pub fn whole_bounds(files: &[(Bounds, u64)]) -> Option<Bounds> {
                 let off = (whole.min - bounds.max).max(bounds.min - whole.max).max_element();
                 let far = off > 2.0 * whole.size().max_element();
                 let nothing = (total - held) as f64 <= 0.001 * total as f64;
-                if far && nothing { whole } else { whole.union(bounds) }
+                if far && nothing {
+                    far_off.push(index);
+                    whole
+                } else {
+                    whole.union(bounds)
+                }
             }
         });
         held += points;
     }
-    whole
+    (whole, far_off)
 }
 
 /// Ground that the boxes cover together, square units; O(n²) for n boxes.
@@ -158,9 +458,87 @@ mod tests {
     fn a_far_file_counts_unless_it_is_nothing() {
         let here = bounds([0.0; 3], [1000.0, 1000.0, 10.0]);
         let far = bounds([185_000.0, 0.0, 0.0], [186_000.0, 10.0, 1.0]);
-        assert_eq!(whole_bounds(&[(here, 1_000_000), (far, 500)]), Some(here));
-        assert_eq!(whole_bounds(&[(here, 1_000_000), (far, 100_000)]), Some(here.union(far)));
-        assert_eq!(whole_bounds(&[]), None);
+        assert_eq!(whole_bounds(&[(here, 1_000_000), (far, 500)]), (Some(here), vec![1]));
+        assert_eq!(whole_bounds(&[(here, 1_000_000), (far, 100_000)]), (Some(here.union(far)), vec![]));
+        assert_eq!(whole_bounds(&[]), (None, vec![]));
+        assert_eq!(apart(&[far, here]), Some(184_000.0));
+        assert_eq!(apart(&[here, here]), None);
+        assert_eq!(apart(&[]), None);
+        let beside = bounds([6000.0, 0.0, 0.0], [7000.0, 1000.0, 1.0]);
+        assert_eq!(apart(&[here, beside]), None);
+    }
+
+    /// Points in UTM, `share` of them at 0, 0, 0.
+    fn with_zeros(share: f64) -> Vec<(DVec3, f64)> {
+        let mut points: Vec<_> =
+            grid(100, 2.0).iter().map(|(p, w)| (*p + DVec3::new(512_000.0, 5_402_900.0, 0.0), *w)).collect();
+        let zeros = (points.len() as f64 * share / (1.0 - share)) as usize;
+        // Anywhere among the others.
+        (0..zeros).for_each(|k| points.insert(k * 7919 % points.len(), (DVec3::ZERO, 1.0)));
+        points
+    }
+
+    #[test]
+    fn points_without_a_position_are_left_out_and_counted() {
+        let header = bounds([0.0; 3], [512_099.0, 5_402_999.0, 8.0]);
+        let sound = Framed::of(None, &with_zeros(0.0));
+        assert_eq!((sound.left_out, sound.apart), (None, None));
+        for share in [0.0002, 0.004, 0.05, 0.3, 0.45] {
+            let points = with_zeros(share);
+            let zeros = points.len() - 10_000;
+            let framed = Framed::of(Some(header), &points);
+            assert_eq!(framed.bounds, sound.bounds, "{share}");
+            let left = framed.left_out.unwrap();
+            assert_eq!((left.points, left.seen, left.spot), (zeros as f64, zeros, Some(DVec3::ZERO)));
+            assert!((5.42e6..5.43e6).contains(&left.distance), "{left:?}");
+            assert!(!framed.keeps(DVec3::ZERO) || share < STRAY);
+            assert!(framed.keeps(DVec3::new(512_000.0, 5_402_950.0, 3.0)));
+        }
+        // With strays beside them.
+        let mut points = with_zeros(0.05);
+        points.push((DVec3::new(250_000.0, 9e6, 0.0), 1.0));
+        let framed = Framed::of(Some(header), &points);
+        assert_eq!(framed.bounds, sound.bounds);
+        assert_eq!(framed.left_out.map(|left| (left.seen, left.spot)), Some((527, None)));
+        // A few points of a file, all of them right: the header is not.
+        let few: Vec<_> = with_zeros(0.0).into_iter().step_by(4000).collect();
+        let found = Framed::of(Some(header), &few).bounds.unwrap();
+        assert!(found.min.x >= 512_000.0 && found.min.y >= 5_402_900.0, "{found:?}");
+    }
+
+    #[test]
+    fn two_places_are_framed_and_a_handful_of_points_far_off_is_not() {
+        let place = |side: i32, east: f64| {
+            grid(side, 2.0).into_iter().map(move |(p, w)| (p + DVec3::new(east, 0.0, 0.0), w))
+        };
+        let both: Vec<_> = place(100, 0.0).chain(place(50, 185_000.0)).collect();
+        let framed = Framed::of(None, &both);
+        assert_eq!(framed.bounds.unwrap().size().x, 185_049.0);
+        assert_eq!((framed.left_out, framed.apart), (None, Some(184_901.0)));
+        let few: Vec<_> = place(100, 0.0).chain(place(8, 185_000.0)).collect();
+        let framed = Framed::of(None, &few);
+        assert_eq!(framed.bounds.unwrap().size().x, 99.0);
+        assert_eq!(
+            framed.left_out.map(|left| (left.seen, left.spot, left.distance)),
+            Some((64, None, 184_901.0))
+        );
+        // A gap between fields is none.
+        let near: Vec<_> = place(100, 0.0).chain(place(9, 400.0)).collect();
+        assert_eq!(Framed::of(None, &near).bounds.unwrap().size().x, 408.0);
+    }
+
+    #[test]
+    fn few_points_are_framed_whole() {
+        let points: Vec<_> =
+            (0..20).map(|k| (DVec3::new(f64::from(k * k), f64::from(19 - k), 0.0), 1.0)).collect();
+        for count in 1..=20 {
+            let framed = Framed::of(None, &points[..count]);
+            let bounds = framed.bounds.unwrap();
+            assert!(
+                points[..count].iter().all(|(p, _)| p.cmpge(bounds.min).all() && p.cmple(bounds.max).all())
+            );
+            assert_eq!((framed.left_out, framed.apart), (None, None), "{count}");
+        }
     }
 
     #[test]

@@ -7,7 +7,7 @@ use crate::source::LidarFile;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RgbDepth {
-    /// No colour: no such fields, or one value throughout (most often zero).
+    /// No colour: no such fields, or nothing but zeros in them.
     None,
     /// 8 bits in 16-bit fields.
     Eight,
@@ -39,7 +39,10 @@ pub(super) fn decide(files: &[Opened], seen: &[Vec<[u16; 3]>]) -> Vec<RgbDepth> 
         files.iter().map(|opened| has_rgb(&opened.file).then_some(opened.file.header.format)).collect();
     let of_one = |index: usize| if formats[index].is_some() { depth(&seen[index]) } else { RgbDepth::None };
     let alone: Vec<RgbDepth> = (0..files.len()).map(of_one).collect();
-    let sure = |index: usize| alone[index] == RgbDepth::Sixteen || seen[index].len() >= RGB_POINTS;
+    // One value throughout, if it is a small one, may be either.
+    let varies = |index: usize| alone[index] == RgbDepth::None || constant(&seen[index]).is_none();
+    let sure =
+        |index: usize| alone[index] == RgbDepth::Sixteen || seen[index].len() >= RGB_POINTS && varies(index);
     let mut votes = [[0usize; 3]; 11];
     for (index, format) in formats.iter().enumerate().filter(|(index, _)| sure(*index)) {
         if let Some(format) = format {
@@ -59,11 +62,16 @@ pub(super) fn decide(files: &[Opened], seen: &[Vec<[u16; 3]>]) -> Vec<RgbDepth> 
     (0..files.len()).map(decide).collect()
 }
 
+/// The one value of all colours that were seen, as stored, if there is one.
+pub(super) fn constant(seen: &[[u16; 3]]) -> Option<[u16; 3]> {
+    let first = *seen.first()?;
+    seen.iter().all(|rgb| *rgb == first).then_some(first)
+}
+
 /// A few stray values beyond 255 do not make a file 16 bit, nor do black points make it 8 bit.
 fn depth(seen: &[[u16; 3]]) -> RgbDepth {
     let bright = seen.iter().filter(|rgb| rgb.iter().any(|&value| value > 255)).count();
-    let same = seen.windows(2).all(|two| two[0] == two[1]);
-    if seen.iter().all(|rgb| *rgb == [0; 3]) || same && seen.len() >= 16 {
+    if seen.iter().all(|rgb| *rgb == [0; 3]) {
         RgbDepth::None
     } else if bright * 200 > seen.len() {
         RgbDepth::Sixteen
@@ -80,7 +88,10 @@ mod tests {
     fn depth_of_a_file() {
         assert_eq!(depth(&[]), RgbDepth::None);
         assert_eq!(depth(&[[0; 3]; 300]), RgbDepth::None);
-        assert_eq!(depth(&[[90, 80, 70]; 300]), RgbDepth::None);
+        assert_eq!(depth(&[[90, 80, 70]; 300]), RgbDepth::Eight);
+        assert_eq!(depth(&[[65_535; 3]; 300]), RgbDepth::Sixteen);
+        assert_eq!((constant(&[[7; 3]; 9]), constant(&[])), (Some([7; 3]), None));
+        assert_eq!(constant(&[[7; 3], [7, 7, 8]]), None);
         let ramp = |count: u16, step: u16| (0..count).map(|v| [v * step, 0, v]).collect::<Vec<_>>();
         assert_eq!(depth(&ramp(250, 1)), RgbDepth::Eight);
         assert_eq!(depth(&ramp(250, 256)), RgbDepth::Sixteen);

@@ -118,7 +118,7 @@ fn push_fixed(
             1.. if rest <= most => rest,
             // The header's count cannot be that of these chunks: the last one's own word decides.
             _ => match ChunkLayers::read(&bytes.handle()?, header, entry.offset, entry.bytes)? {
-                Ok(layers) if header.format >= 6 => layers.records.min(most),
+                Ok(layers) if header.stored_format >= 6 => layers.records.min(most),
                 _ => {
                     index.open_end = true;
                     most

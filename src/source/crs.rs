@@ -4,6 +4,7 @@
 use super::system::System;
 use super::wkt::{self, Node};
 use super::{LidarFile, SourceError, VlrEntry};
+use crate::text::harmless;
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
@@ -26,6 +27,16 @@ pub struct Crs {
     pub vertical: Option<String>,
     /// What the horizontal system is, where the definition says it.
     pub system: Option<System>,
+}
+
+impl Crs {
+    /// Names of the system and of its units as they may be shown. The definition stays as it is.
+    fn made_harmless(mut self) -> Crs {
+        let units = [Some(&mut self.horizontal_unit), self.vertical_unit.as_mut()];
+        let names = units.into_iter().flatten().map(|unit| &mut unit.name).chain([&mut self.name]);
+        names.for_each(|name| *name = harmless(name));
+        self
+    }
 }
 
 /// What X, Y, Z are.
@@ -175,7 +186,8 @@ pub fn of_file(file: &LidarFile) -> Result<(Option<Crs>, Vec<CrsError>), SourceE
         }
     }
     let borrowed = records.iter().map(|(user, record, payload)| (user.as_str(), *record, payload.as_slice()));
-    Ok(from_records(borrowed, file.header.global_encoding & 16 != 0))
+    let (crs, errors) = from_records(borrowed, file.header.global_encoding & 16 != 0);
+    Ok((crs.map(Crs::made_harmless), errors))
 }
 
 /// The coordinate system among a file's (E)VLRs, given as user id, record id and payload; and what was

@@ -2,6 +2,7 @@
 
 use super::{
     BLOCK_RECORDS, Chunk, FileHeader, LidarFile, OpenFile, PointBlock, SourceError,
+    compatible::KeptApart,
     contain::contain,
     fields::{GpsTime, RgbV1},
     laszip::{Compressor, Laszip},
@@ -471,23 +472,27 @@ struct RecordLayout {
     extended: bool,
     /// First byte of R, G, B.
     rgb: Option<usize>,
+    /// What LASzip's compatibility mode keeps apart.
+    kept_apart: Option<KeptApart>,
 }
 
 impl RecordLayout {
     fn of(header: &FileHeader) -> RecordLayout {
-        let rgb = match header.format {
+        let rgb = match header.stored_format {
             2 => Some(20),
             3 | 5 => Some(28),
             7 | 8 | 10 => Some(30),
             _ => None,
         };
-        RecordLayout { len: header.record_len.into(), extended: header.format >= 6, rgb }
+        let extended = header.stored_format >= 6;
+        RecordLayout { len: header.record_len.into(), extended, rgb, kept_apart: header.kept_apart }
     }
 
     /// The front of a record, up to the last column.
     fn head(self) -> RecordLayout {
         let base = if self.extended { 30 } else { 20 };
-        RecordLayout { len: self.rgb.map_or(base, |at| at + 6), ..self }
+        let end = self.rgb.map_or(base, |at| at + 6).max(self.kept_apart.map_or(0, |kept| kept.end()));
+        RecordLayout { len: end, ..self }
     }
 
     /// What is decoded of a layered record: its head.
@@ -528,6 +533,11 @@ impl RecordLayout {
                 returns[i] = r[14] & 7 | (r[14] << 1) & 0x70;
                 flags[i] = r[15] >> 5;
                 class[i] = r[15] & 0x1f;
+            }
+        }
+        if let Some(kept_apart) = &self.kept_apart {
+            for (i, record) in raw.chunks_exact(self.len).enumerate() {
+                kept_apart.restore(record, &mut returns[i], &mut class[i], &mut flags[i]);
             }
         }
         block.rgb.clear();

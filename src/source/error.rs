@@ -144,7 +144,7 @@ pub enum Warning {
     },
     /// The two point counts of a LAS 1.4 header differ.
     #[error(
-        "header bytes 107 and 247: 32-bit point count is {legacy}, 64-bit count is {large}; {used} is used"
+        "header bytes 107 and 247: 32-bit point count is {legacy}, 64-bit count is {large}; {used} is used: {why}"
     )]
     CountsDiffer {
         /// The 32-bit count.
@@ -153,6 +153,16 @@ pub enum Warning {
         large: u64,
         /// The one in use.
         used: u64,
+        /// Why.
+        why: &'static str,
+    },
+    /// LASzip's compatibility mode, with something about it that cannot be.
+    #[error("byte {offset}: LASzip compatibility record: {reason}")]
+    Compatibility {
+        /// Where the record lies.
+        offset: u64,
+        /// What is wrong with it, and what is done.
+        reason: String,
     },
     /// Bounds in the header that are no bounds.
     #[error("header byte 179: bounds are not finite or inverted")]

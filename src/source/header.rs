@@ -1,6 +1,6 @@
 //! The public header block, checked against the file (LAS 1.4 R15, 2.4).
 
-use super::{FileBytes, SourceError, Warning};
+use super::{FileBytes, SourceError, Warning, compatible::KeptApart};
 use crate::coords::tidy;
 use glam::DVec3;
 use std::io::Read;
@@ -10,8 +10,10 @@ use std::io::Read;
 pub struct FileHeader {
     /// LAS version, major and minor (checked: 1.0 to 1.4).
     pub version: (u8, u8),
-    /// Point data record format, 0 to 10 (checked), without the compression bits.
+    /// Point data record format, 0 to 10 (checked), without the compression bits: what the points mean.
     pub format: u8,
+    /// The format in which the records are kept: another one only in LASzip's compatibility mode.
+    pub stored_format: u8,
     /// LAZ.
     pub compressed: bool,
     /// A COPC info VLR is present and sane.
@@ -32,6 +34,8 @@ pub struct FileHeader {
     pub max: DVec3,
     /// Point count as stored.
     pub claimed_points: u64,
+    /// Where LASzip's compatibility mode keeps what `stored_format` has no room for.
+    pub(super) kept_apart: Option<KeptApart>,
 }
 
 /// What [`read`] found, with what only the walk over the records needs.
@@ -61,6 +65,36 @@ fn header_len(minor: u8) -> u16 {
         0..=2 => 227,
         3 => 235,
         _ => 375,
+    }
+}
+
+/// The two point counts of a LAS 1.4 header, where they may differ.
+struct Counts {
+    legacy: u32,
+    large: u64,
+    /// Records that the file has room for, where they are not compressed and nothing is left over.
+    held: Option<u64>,
+}
+
+impl Counts {
+    /// The count that is to be believed, and why. LAS 1.4 R15, 2.4: in formats 6 to 10 the 32-bit count must be 0,
+    /// so only the other one counts; in formats 0 to 5 it is the same number, and readers of older versions know no
+    /// other.
+    fn choose(&self, format: u8) -> (u64, &'static str) {
+        let legacy = u64::from(self.legacy);
+        if format >= 6 {
+            return match (self.large, legacy) {
+                (0, 1..) => (legacy, "the other one is 0"),
+                _ => (self.large, "point formats 6 to 10 have no 32-bit count"),
+            };
+        }
+        match self.large {
+            0 => (legacy, "the other one is 0"),
+            large if legacy == 0 => (large, "the other one is 0"),
+            large if large > u64::from(u32::MAX) => (large, "the other one cannot hold as many"),
+            large if self.held == Some(large) => (large, "the file is as long as that"),
+            _ => (legacy, "it is the one that readers of all versions go by"),
+        }
     }
 }
 
@@ -138,16 +172,28 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
         let reason = format!("points cannot begin inside a header of {need} bytes");
         return Err(bad(96, "offset to point data", offset_to_points.to_string(), &reason));
     }
-    let legacy = raw.number_of_point_records;
     let claimed_points = match raw.large_file {
-        // LAS 1.4 R15, 2.4: where the two differ, a reader takes the 32-bit count unless it is 0.
-        Some(large) if legacy != 0 && large.number_of_point_records != u64::from(legacy) => {
-            let large = large.number_of_point_records;
-            warnings.push(Warning::CountsDiffer { legacy, large, used: legacy.into() });
-            u64::from(legacy)
+        Some(large) => {
+            // Points end where the first extended record begins, if that is where there are any.
+            let evlrs = raw.evlr.filter(|evlr| evlr.number_of_evlrs > 0).map(|evlr| evlr.start_of_first_evlr);
+            let end = evlrs.filter(|&at| at > offset_to_points).map_or(bytes.len(), |at| at.min(bytes.len()));
+            let room = end.saturating_sub(offset_to_points);
+            let counts = Counts {
+                legacy: raw.number_of_point_records,
+                large: large.number_of_point_records,
+                // What compressed points take tells nothing of how many they are.
+                held: (!compressed && room % u64::from(record_len) == 0)
+                    .then_some(room / u64::from(record_len)),
+            };
+            let (used, why) = counts.choose(format);
+            let Counts { legacy, large, .. } = counts;
+            // A 32-bit count of 0 says that the other one is meant.
+            if legacy != 0 && u64::from(legacy) != large {
+                warnings.push(Warning::CountsDiffer { legacy, large, used, why });
+            }
+            used
         }
-        Some(large) => large.number_of_point_records,
-        None => u64::from(legacy),
+        None => u64::from(raw.number_of_point_records),
     };
     if claimed_points > 0 && offset_to_points > bytes.len() {
         let reason = format!("the file ends at {}", bytes.len());
@@ -167,6 +213,7 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
         header: FileHeader {
             version: (major, minor),
             format,
+            stored_format: format,
             compressed,
             copc: false,
             global_encoding: raw.global_encoding,
@@ -177,9 +224,34 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
             min,
             max,
             claimed_points,
+            kept_apart: None,
         },
         vlr_start: u64::from(raw.header_size.max(need)),
         vlr_count: u64::from(raw.number_of_variable_length_records),
         evlrs: raw.evlr.map(|e| (e.start_of_first_evlr, u64::from(e.number_of_evlrs))),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_count_that_is_meant_is_used() {
+        let choose = |format, legacy, large, held| Counts { legacy, large, held }.choose(format).0;
+        // Formats 6 to 10: the 64-bit count, whatever the file's length says.
+        assert_eq!(choose(6, 100, 6000, Some(6000)), 6000);
+        assert_eq!(choose(6, 100, 6000, Some(100)), 6000);
+        assert_eq!(choose(10, u32::MAX, 6000, None), 6000);
+        // Somebody who knew only the other one.
+        assert_eq!(choose(7, 100, 0, None), 100);
+        // Formats 0 to 5: the 32-bit count, unless it is 0, too small for the other, or plainly wrong.
+        assert_eq!(choose(1, 100, 6000, None), 100);
+        assert_eq!(choose(1, 100, 6000, Some(100)), 100);
+        assert_eq!(choose(1, 100, 6000, Some(3000)), 100);
+        assert_eq!(choose(1, 100, 6000, Some(6000)), 6000);
+        assert_eq!(choose(3, 0, 6000, None), 6000);
+        assert_eq!(choose(3, 100, 0, None), 100);
+        assert_eq!(choose(3, 705_032_704, 5_000_000_000, None), 5_000_000_000);
+    }
 }

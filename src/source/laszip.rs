@@ -77,8 +77,8 @@ impl Laszip {
 fn check_items(items: &[LazItem], header: &FileHeader, compressor: Compressor) -> Result<(), String> {
     use LazItemType::*;
     let layered = compressor == Compressor::Layered;
-    let extra = header.record_len - FORMAT_LEN[usize::from(header.format)];
-    let mut wanted: Vec<LazItemType> = match header.format {
+    let extra = header.record_len - FORMAT_LEN[usize::from(header.stored_format)];
+    let mut wanted: Vec<LazItemType> = match header.stored_format {
         0 => vec![Point10],
         1 => vec![Point10, GpsTime],
         2 => vec![Point10, RGB12],
@@ -92,17 +92,17 @@ fn check_items(items: &[LazItem], header: &FileHeader, compressor: Compressor) -
         _ => vec![Point14, RGBNIR14, WavePacket14],
     };
     if extra > 0 {
-        wanted.push(if header.format < 6 { Byte(extra) } else { Byte14(extra) });
+        wanted.push(if header.stored_format < 6 { Byte(extra) } else { Byte14(extra) });
     }
     if !items.iter().map(LazItem::item_type).eq(wanted.iter().copied()) {
         let found: Vec<_> = items.iter().map(LazItem::item_type).collect();
-        let (format, len) = (header.format, header.record_len);
+        let (format, len) = (header.stored_format, header.record_len);
         return Err(format!(
             "items are {found:?}, a record of format {format} and {len} bytes has {wanted:?}"
         ));
     }
-    if layered != (header.format >= 6) {
-        return Err(format!("compressor {compressor:?} cannot hold point format {}", header.format));
+    if layered != (header.stored_format >= 6) {
+        return Err(format!("compressor {compressor:?} cannot hold point format {}", header.stored_format));
     }
     if !layered && extra > MAX_EXTRA_BYTES {
         return Err(format!("{extra} extra bytes in a record, at most {MAX_EXTRA_BYTES} are decoded"));

@@ -34,7 +34,7 @@ impl ChunkLayers {
         room: u64,
     ) -> Result<Result<ChunkLayers, String>, SourceError> {
         let record_len = usize::from(header.record_len);
-        let of_format = match header.format {
+        let of_format = match header.stored_format {
             6 => 0,
             7 | 9 => 1,
             8 => 2,
@@ -42,7 +42,7 @@ impl ChunkLayers {
             _ => return Ok(Err("point formats 0 to 5 have no layers".into())),
         };
         // Each extra byte has a layer of its own.
-        let extra = usize::from(header.record_len - FORMAT_LEN[usize::from(header.format)]);
+        let extra = usize::from(header.record_len - FORMAT_LEN[usize::from(header.stored_format)]);
         let count = POINT_LAYERS + of_format + extra;
         let head_len = record_len + 4 + 4 * count;
         if (head_len as u64) > room {

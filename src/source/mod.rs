@@ -7,6 +7,7 @@
 
 mod bytes;
 mod chunks;
+mod compatible;
 mod contain;
 mod copc;
 pub mod crs;
@@ -155,6 +156,7 @@ impl LidarFile {
             open_end: false,
             digest: 0,
         };
+        compatible::undo(&mut file)?;
         file.index_chunks()?;
         file.digest = learned::digest(&parsed.raw, &file.chunks);
         file.bytes.release();

@@ -1,6 +1,7 @@
 //! Variable length records (LAS 1.4 R15, 2.5 and 2.7), walked against the file's length.
 
 use super::{FileBytes, SourceError, Warning};
+use crate::text::harmless;
 
 /// Most records that are indexed in a file: real files carry a few dozen.
 const MAX_RECORDS: u64 = 65_536;
@@ -13,7 +14,7 @@ pub(super) const EVLR_HEADER: u64 = 60;
 /// Where a variable length record lies; its payload is read when asked for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VlrEntry {
-    /// Who defined it, without trailing zeros.
+    /// Who defined it, without trailing zeros; made harmless.
     pub user_id: String,
     /// Which it is.
     pub record_id: u16,
@@ -105,7 +106,7 @@ impl Walk {
             let user_id = &raw[2..18];
             let user_id = &user_id[..user_id.iter().position(|&b| b == 0).unwrap_or(16)];
             entries.push(VlrEntry {
-                user_id: String::from_utf8_lossy(user_id).into_owned(),
+                user_id: harmless(&String::from_utf8_lossy(user_id)),
                 record_id: u16::from_le_bytes([raw[18], raw[19]]),
                 offset: payload,
                 len,

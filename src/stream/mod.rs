@@ -3,6 +3,7 @@
 pub mod bins;
 pub mod builds;
 pub mod feed;
+pub mod hidden;
 pub mod live;
 mod motion;
 pub mod pool;

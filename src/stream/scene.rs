@@ -6,7 +6,7 @@
 
 use super::pool::{Access, Part, Pool, Slot, section_bytes};
 use super::table::Entry;
-use crate::attribute::ClassMask;
+use crate::attribute::{ClassMask, Kinds};
 use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
 use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
@@ -845,6 +845,15 @@ impl Scene {
     /// Whether tables have nothing to name: no live section shows anything.
     pub fn shows_nothing(&self) -> bool {
         self.sections.keys().all(|&key| self.highest(key).is_none())
+    }
+
+    /// Kinds of points in live sections, shown or not.
+    pub fn kinds(&self) -> Kinds {
+        let versions = self.sections.values().filter_map(|resident| resident.live.as_ref());
+        versions
+            .flat_map(|version| &version.highest_of)
+            .map(|&(class, withheld, _)| (class, withheld))
+            .collect()
     }
 
     /// What a table may name now: live sections that show anything, in key order.

@@ -13,10 +13,12 @@ use crate::source::learned::Cache;
 use crate::source::placement::PlacementOptions;
 use crate::stream::bins::{Budget, Core};
 use crate::stream::builds::{OpenInput, cells_of};
+use crate::stream::hidden::why_hidden;
 use crate::stream::live::{self, Live};
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use crate::stream::table::Table;
+use crate::text::harmless;
 use crossbeam_channel::Receiver;
 use std::collections::{HashMap, VecDeque};
 use std::ffi::OsString;
@@ -122,6 +124,8 @@ pub struct Status {
     pub is_complete: bool,
     /// Why there is nothing to see.
     pub failed: Option<String>,
+    /// Why nothing is seen of what there is: every point is hidden, and what shows them.
+    pub hidden: Option<String>,
 }
 
 /// What is to become of files that are being opened.
@@ -315,7 +319,7 @@ impl Data {
     }
 
     fn say(&mut self, lines: Vec<String>) {
-        for line in lines {
+        for line in lines.iter().map(|line| harmless(line)) {
             if !self.messages.contains(&line) {
                 self.messages.push_back(line);
             }
@@ -353,9 +357,7 @@ impl Data {
         self.take_in(problems);
         let core = self.widen(&opening.about);
         let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
-        for (known, more) in about.whole.classes.iter_mut().zip(opening.about.classes.iter()) {
-            *known += more;
-        }
+        about.whole.kinds.extend(&opening.about.kinds);
         let first = about.files.len();
         about.files.extend(opening.inputs.iter().map(file_about));
         let sources = live.add(opening.inputs, core);
@@ -421,10 +423,8 @@ impl Data {
         let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
         let mut inputs = HashMap::new();
         if let Some(opening) = opening {
-            // What the old ones had of each is not known.
-            for (known, now) in about.whole.classes.iter_mut().zip(opening.about.classes.iter()) {
-                *known = (*known).max(*now);
-            }
+            // What the old ones had is not known.
+            about.whole.kinds.extend(&opening.about.kinds);
             let path = |input: &OpenInput| input.input.file.path().to_owned();
             inputs.extend(opening.inputs.into_iter().map(|input| (path(&input), input)));
         }
@@ -607,6 +607,17 @@ impl Data {
         self.is_complete || self.failed.is_some()
     }
 
+    /// Why nothing is seen, once all is there: every point is hidden.
+    fn why_hidden(&self) -> Option<String> {
+        let about = self.about.as_ref().filter(|_| self.is_complete && self.coming.is_empty())?;
+        let scene = self.scene();
+        if !scene.shows_nothing() {
+            return None;
+        }
+        let kinds = scene.kinds().union(&about.kinds).copied().collect();
+        why_hidden(&kinds, &scene.visibility()).map(|why| format!("nothing to draw: {why}"))
+    }
+
     /// How far things are.
     pub fn status(&self) -> Status {
         let (now, progress) = (&self.now, &self.now.progress);
@@ -627,6 +638,7 @@ impl Data {
             frames_waited: self.scene().counters().waits,
             is_complete: self.is_complete(),
             failed: self.failed.clone(),
+            hidden: self.why_hidden(),
         }
     }
 }

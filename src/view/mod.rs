@@ -24,6 +24,7 @@ use crate::render::camera::{Camera, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Renderer, Shade};
 use crate::render::path::CameraPath;
 use crate::render::screen::{Pick, Screen};
+use crate::text::harmless;
 use anyhow::Context as _;
 use data::Data;
 use glam::DVec3;
@@ -256,7 +257,7 @@ struct Viewer {
     modifiers: ModifiersState,
     panel: Panel,
     settings: Settings,
-    /// Of the mode that was asked for: a field that is the same everywhere is drawn grey, through another.
+    /// Of the mode that was asked for: a field that is the same everywhere may be drawn through another.
     colors: Option<(ColorMode, ColorTable)>,
     /// Where in the window the picture is.
     place: overlay::Place,
@@ -415,7 +416,7 @@ impl Viewer {
     }
 
     fn notify(&mut self, words: impl Into<String>) {
-        let words = words.into();
+        let words = harmless(&words.into());
         self.log(format_args!("notice {words}"));
         self.notice = Some((words, Instant::now() + NOTICE));
     }

@@ -92,7 +92,8 @@ impl Viewer {
     pub(super) fn framed(&self) -> Option<Bounds> {
         let about = self.data.about()?;
         let slab = Bounds { min: about.bounds.min.with_z(floor(&self.data)?), ..about.bounds };
-        Some(slab.exaggerated(self.settings.z_scale, about.bounds.min.z))
+        let cell = self.data.grid().0.cell();
+        Some(slab.exaggerated(self.settings.z_scale, about.bounds.min.z).of_cells(cell))
     }
 
     pub(super) fn look_from(&mut self, angles: [f64; 2]) {

@@ -8,6 +8,7 @@ use crate::render::frame::Shade;
 use crate::render::screen::Place;
 use crate::source::crs::CrsKind;
 use crate::stream::scene::Visibility;
+use crate::text::harmless;
 use egui::{
     Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,
     Sense, Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,
@@ -375,7 +376,7 @@ impl Panel {
             });
             match shown.colors {
                 Some(ColorTable { constant: Some(constant), .. }) => {
-                    ui.label(weak(format!("{constant}: grey")));
+                    ui.label(weak(constant));
                 }
                 Some(table) => match (table.mode, table.range) {
                     (ColorMode::Height, Some(range)) => ramp(ui, table, range, unit),
@@ -565,10 +566,11 @@ fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
                 ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                     ui.label(weak(short(file.points)));
                     ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                        let name = file.path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                        let name = harmless(&file.path.file_name().unwrap_or_default().to_string_lossy());
                         let name = RichText::new(name).color(if is_shown { TEXT } else { WEAK });
                         let name = if file.is_gone { name.strikethrough() } else { name };
-                        ui.add(egui::Label::new(name).truncate()).on_hover_text(file.path.to_string_lossy());
+                        ui.add(egui::Label::new(name).truncate())
+                            .on_hover_text(harmless(&file.path.to_string_lossy()));
                     });
                 });
             });

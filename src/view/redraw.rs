@@ -231,6 +231,9 @@ impl Viewer {
         if let Some(why) = &status.failed {
             self.log(format_args!("failed {why}"));
         }
+        if let Some(why) = &status.hidden {
+            self.log(format_args!("hidden {why}"));
+        }
         let (eye, [azimuth, elevation]) = (self.camera.eye(), self.camera.angles());
         self.log(format_args!(
             "settled {width}x{height} eye {:.2},{:.2},{:.2} look {azimuth:.2},{elevation:.2} sections {} buffers {}",
@@ -296,6 +299,8 @@ impl Viewer {
                 overlay::notice(&painter, place, why);
             } else if let Some((words, _)) = notice {
                 overlay::notice(&painter, place, words);
+            } else if let Some(why) = &status.hidden {
+                overlay::notice(&painter, place, why);
             } else if is_empty {
                 opening(&painter, rect, &status);
             }

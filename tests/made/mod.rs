@@ -42,6 +42,10 @@ pub struct Made {
     /// Version of the compressed items; `None` is the usual one.
     pub items: Option<u8>,
     pub records: Vec<u8>,
+    /// Further variable length records: user id, record id, payload.
+    pub vlrs: Vec<(&'static str, u16, Vec<u8>)>,
+    /// Scale and offset; then the header's bounds are those of the records.
+    pub header: Option<([f64; 3], [f64; 3])>,
 }
 
 impl std::fmt::Debug for Made {
@@ -64,7 +68,8 @@ impl Made {
             4..=5 => 3,
             _ => 4,
         };
-        Made { minor, format, extra: 0, packing, items: None, records: records(format, 0, points) }
+        let records = records(format, 0, points);
+        Made { minor, format, extra: 0, packing, items: None, records, vlrs: Vec::new(), header: None }
     }
 
     pub fn with_extra(mut self, extra: u16) -> Made {
@@ -124,6 +129,7 @@ impl Made {
         if let Packing::Copc(_) = self.packing {
             vlrs.push(("copc", 1, vec![0; 160]));
         }
+        vlrs.extend(self.vlrs.iter().cloned());
         vlrs.push(("LASF_Projection", 2112, b"not a CRS\0".to_vec()));
         let mut laz = None;
         if !matches!(self.packing, Packing::Plain) {
@@ -163,6 +169,19 @@ impl Made {
         (header.x_scale_factor, header.y_scale_factor, header.z_scale_factor) = (0.01, 0.01, 0.001);
         (header.x_offset, header.y_offset) = (500_000.0, 6_000_000.0);
         (header.max_x, header.max_y, header.max_z) = (600_000.0, 6_100_000.0, 1_000.0);
+        if let Some((scale, offset)) = self.header {
+            (header.x_scale_factor, header.y_scale_factor, header.z_scale_factor) = scale.into();
+            (header.x_offset, header.y_offset, header.z_offset) = offset.into();
+            let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 3];
+            for record in self.records.chunks(self.record_len()) {
+                for (axis, [low, high]) in ends.iter_mut().enumerate() {
+                    let raw = i32::from_le_bytes(record[4 * axis..4 * axis + 4].try_into().unwrap());
+                    let value = f64::from(raw) * scale[axis] + offset[axis];
+                    (*low, *high) = (low.min(value), high.max(value));
+                }
+            }
+            [[header.min_x, header.max_x], [header.min_y, header.max_y], [header.min_z, header.max_z]] = ends;
+        }
         let mut file = Vec::new();
         header.write_to(&mut file).unwrap();
         for (user_id, record_id, payload) in &vlrs {
@@ -224,6 +243,78 @@ fn record_head(user_id: &str, record_id: u16, len: &[u8]) -> Vec<u8> {
     head.extend(len);
     head.extend([0; 32]);
     head
+}
+
+/// An entry of the extra bytes record (LAS 1.4 R15, table 24): type, options, name.
+pub fn extra_entry(kind: u8, options: u8, name: &str) -> Vec<u8> {
+    let mut entry = vec![0, 0, kind, options];
+    entry.extend(name.as_bytes());
+    entry.resize(192, 0);
+    entry
+}
+
+/// `points` points of `format` (6 to 10, as [`records`] makes them), kept in LASzip's compatibility mode behind `extra`
+/// bytes of their own; and the records that they are meant to be. Written after the writer's side of LASzip.
+pub fn compatible(format: u8, extra: u16, packing: Packing, points: usize) -> (Made, Vec<u8>) {
+    let len = usize::from(FORMAT_LEN[usize::from(format)]);
+    let mut meant = records(format, 0, points);
+    // Up to fifteen returns.
+    for (k, record) in meant.chunks_mut(len).enumerate() {
+        let count = 1 + k as u8 % 15;
+        record[14] = (1 + (k / 7) as u8 % count) | count << 4;
+    }
+    let stored = match format {
+        6 => 1,
+        7 | 8 => 3,
+        other => other - 5,
+    };
+    let has_infrared = matches!(format, 8 | 10);
+    let mut made = Made::new(stored, packing, 0);
+    made.minor = made.minor.max(2);
+    made.extra = extra + if has_infrared { 7 } else { 5 };
+    for r in meant.chunks(len) {
+        let to = &mut made.records;
+        let ([number, count], class) = ([r[14] & 15, r[14] >> 4], r[16]);
+        let (few, first) = match (count, number) {
+            (..=7, _) => (count, number.min(7)),
+            (_, ..=4) => (7, number),
+            _ if count <= number => (7, 7),
+            _ if count - number >= 3 => (7, 4),
+            _ => (7, 7 - (count - number)),
+        };
+        to.extend(&r[..14]);
+        to.push(first | few << 3);
+        to.push(if class > 31 { 0 } else { class } | (r[15] & 7) << 5);
+        to.extend([0, r[17], r[20], r[21]]);
+        to.extend(&r[22..30]);
+        if matches!(format, 7 | 8 | 10) {
+            to.extend(&r[30..36]);
+        }
+        if format > 8 {
+            to.extend(&r[len - 29..]);
+        }
+        to.extend(vec![0xab; extra.into()]);
+        to.extend([r[18], r[19], (number - first) << 4 | (count - few)]);
+        to.push(if class > 31 { class } else { 0 });
+        to.push((r[15] >> 4 & 3) << 1 | r[15] >> 3 & 1);
+        if has_infrared {
+            to.extend(&r[36..38]);
+        }
+    }
+    let mut entries = if extra > 0 { extra_entry(0, extra as u8, "own") } else { Vec::new() };
+    entries.extend(extra_entry(4, 0, "LAS 1.4 scan angle"));
+    for name in ["LAS 1.4 extended returns", "LAS 1.4 classification", "LAS 1.4 flags and channel"] {
+        entries.extend(extra_entry(1, 0, name));
+    }
+    if has_infrared {
+        entries.extend(extra_entry(3, 0, "LAS 1.4 NIR band"));
+    }
+    let mut mode = vec![0; 156];
+    mode[2] = 3;
+    mode[28..36].copy_from_slice(&(points as u64).to_le_bytes());
+    made.vlrs = vec![("LASF_Spec", 4, entries), ("lascompatible", 22204, mode)];
+    assert_eq!(made.points(), points);
+    (made, meant)
 }
 
 /// Appends two extended records, the hierarchy second, in two pages; points the info record at it.

@@ -4,6 +4,7 @@ use super::Box3;
 use crate::attribute::class_name;
 use crate::sample::{Opened, parallel};
 use crate::source::{FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, LidarFile, PointBlock};
+use crate::text::harmless;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Serialize, Serializer};
 use std::sync::{Mutex, PoisonError};
@@ -179,7 +180,7 @@ pub fn every_file(files: &[Opened], quiet: bool) -> Vec<Scan> {
             // Another thread may open it once more: handles must not pile up, that is all.
             file.bytes.release();
         }
-        read.err().map(|error| error.to_string())
+        read.err().map(|error| harmless(&error.to_string()))
     });
     bar.finish_and_clear();
     let mut scans: Vec<Scan> =

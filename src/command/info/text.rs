@@ -59,8 +59,14 @@ fn row(name: &'static str, value: String) -> Row {
 
 fn file_rows(file: &FileReport) -> Vec<Row> {
     let compressed = if file.kind == "LAS" { String::new() } else { format!(", {}", file.kind) };
+    let kept_as = file
+        .kept_as
+        .map_or(String::new(), |format| format!(", kept as {format} (LASzip's compatibility mode)"));
     let mut rows = vec![
-        row("format", format!("LAS {}, point format {}{compressed}", file.version, file.point_format)),
+        row(
+            "format",
+            format!("LAS {}, point format {}{kept_as}{compressed}", file.version, file.point_format),
+        ),
         row("points", format!("{} in {}", number(file.points), count(file.chunks, "chunk"))),
     ];
     match file.bounds {
@@ -70,10 +76,12 @@ fn file_rows(file: &FileReport) -> Vec<Row> {
     rows.push(row("system", system(file.crs.as_ref())));
     let colour = match file.rgb {
         "absent" => "none in this point format",
-        "none" => "none: RGB is the same everywhere",
+        "none" => "none: RGB is 0, 0, 0 everywhere",
         depth => depth,
     };
-    rows.push(row("colour", colour.into()));
+    let everywhere =
+        file.rgb_constant.map_or(String::new(), |[r, g, b]| format!(", {r}, {g}, {b} everywhere"));
+    rows.push(row("colour", format!("{colour}{everywhere}")));
     rows
 }
 
@@ -197,7 +205,10 @@ fn table(page: &mut String, files: &[FileReport]) {
         };
         [
             file.version.clone(),
-            file.point_format.to_string(),
+            match file.kept_as {
+                Some(format) => format!("{} in {format}", file.point_format),
+                None => file.point_format.to_string(),
+            },
             file.kind.into(),
             number(file.points),
             file.density.map_or("-".into(), significant),

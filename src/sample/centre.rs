@@ -1,0 +1,40 @@
+//! Where the middle of a file lies, before anything is known of it: what coordinate systems are judged by.
+
+use super::{Opened, Seen, append, median, parallel, unpack};
+use crate::source::LidarFile;
+use glam::DVec3;
+
+/// Files with fewer chunks are looked into: one wrong point among their first ones would count too much.
+const FEW_CHUNKS: usize = 16;
+/// Records from the start of each of their chunks.
+const RECORDS: u64 = 256;
+
+/// The middle of each file, file coordinates, each axis by itself: of the first points of its chunks, `firsts`, or of
+/// the first records where those are few. Points at 0, 0, the mark of those without a position, count where there is
+/// nothing else. NaN where there is no point.
+pub(super) fn of_files(files: &[Opened], firsts: &[Vec<Seen>]) -> Vec<DVec3> {
+    parallel(files.len(), |decoder, index| {
+        let file = &files[index].file;
+        if firsts[index].is_empty() || file.chunks.len() >= FEW_CHUNKS {
+            return middle(file, &firsts[index]);
+        }
+        let mut seen = Vec::new();
+        for chunk in &file.chunks {
+            // A broken chunk is reported when it is drawn; here it only tells less.
+            let _ = decoder.decode(file, chunk, 0..RECORDS, &mut |block| append(block, &mut seen));
+        }
+        file.bytes.release();
+        middle(file, if seen.is_empty() { &firsts[index] } else { &seen })
+    })
+}
+
+fn middle(file: &LidarFile, seen: &[Seen]) -> DVec3 {
+    let points = seen.iter().map(|seen| unpack(file, seen.raw));
+    // What rounding leaves of 0.
+    let step = file.header.scale.truncate().abs() * 0.5;
+    let placed = |point: &DVec3| point.truncate().abs().cmpge(step).any();
+    match points.clone().any(|point| placed(&point)) {
+        true => median(points.filter(placed)),
+        false => median(points),
+    }
+}

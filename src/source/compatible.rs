@@ -1,0 +1,172 @@
+//! LASzip's compatibility mode, undone: LAS 1.4 points that were written so that readers of older versions can open
+//! them.
+//!
+//! Points of formats 6 to 10 lie in records of formats 1, 3, 4 or 5 of a LAS 1.0 to 1.3 file, and what those have no
+//! room for lies in five (with near infrared: seven) extra bytes of each record, which the extra bytes record
+//! (`LASF_Spec` 4; LAS 1.4 R15, table 24: 192 bytes an entry) names:
+//!
+//! | entry | type | what is in it |
+//! |---|---|---|
+//! | `LAS 1.4 scan angle` | i16 | steps of 0.006° to be added to the rank |
+//! | `LAS 1.4 extended returns` | u8 | to be added: high nibble to the return number, low one to the number of returns |
+//! | `LAS 1.4 classification` | u8 | to be added to the class: classes above 31 are kept as 0 |
+//! | `LAS 1.4 flags and channel` | u8 | bit 0: overlap; bits 1 and 2: scanner channel |
+//! | `LAS 1.4 NIR band` | u16 | formats 8 and 10 alone |
+//!
+//! The record `lascompatible` 22204 says that it is so, in 156 bytes or more: u16 LASzip's version, u16 the mode's
+//! version, u32 unused, then the part of a LAS 1.4 header that older ones lack: u64 start of waveforms, u64 first
+//! extended record, u32 how many of those, u64 point count (byte 28), 15 x u64 points by return. Writers fill the part
+//! in or leave it at 0. A file that another program has cut out of such a one carries the record along, so its own
+//! count is the better one.
+//! Source: LASzip, `laszip_dll.cpp`, `laszip_open_reader` and `laszip_read_point`.
+
+use super::{FLAG_OVERLAP, FileHeader, LidarFile, SourceError, Warning, header::FORMAT_LEN};
+
+/// Least bytes of the record that names the mode.
+const RECORD_LEN: u64 = 156;
+/// Where the 64-bit point count lies in it.
+const COUNT_AT: usize = 28;
+/// Bytes of an entry of the extra bytes record, and where its name lies.
+const ENTRY: usize = 192;
+const NAME: std::ops::Range<usize> = 4..36;
+/// Most bytes of an extra bytes record: it has a 16-bit length.
+const MAX_ENTRIES: u64 = 65_535;
+
+/// First byte, in a record, of what the older format has no room for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct KeptApart {
+    returns: usize,
+    class: usize,
+    flags: usize,
+}
+
+impl KeptApart {
+    /// First byte behind all of them.
+    pub fn end(&self) -> usize {
+        self.returns.max(self.class).max(self.flags) + 1
+    }
+
+    /// Gives a point back what was kept apart. `returns`: number in the low nibble, count in the high one.
+    #[inline]
+    pub fn restore(&self, record: &[u8], returns: &mut u8, class: &mut u8, flags: &mut u8) {
+        let more = record[self.returns];
+        *returns = ((*returns & 15) + (more >> 4)) & 15 | ((*returns >> 4) + (more & 15)) << 4;
+        *class = class.wrapping_add(record[self.class]);
+        if record[self.flags] & 1 != 0 {
+            *flags |= FLAG_OVERLAP;
+        }
+    }
+}
+
+/// Makes `file`, of which the records are indexed, the LAS 1.4 file that it stands for, if it is such a one.
+pub(super) fn undo(file: &mut LidarFile) -> Result<(), SourceError> {
+    let header = &file.header;
+    if header.version.1 > 3 || !matches!(header.format, 1 | 3 | 4 | 5) {
+        return Ok(());
+    }
+    let Some(record) = file.vlr("lascompatible", 22204).cloned() else { return Ok(()) };
+    let offset = record.offset;
+    let odd = |reason: String| Warning::Compatibility { offset, reason };
+    if record.len < RECORD_LEN {
+        let format = header.format;
+        let reason = format!(
+            "{} bytes, at least {RECORD_LEN} are needed: points are read as format {format}",
+            record.len
+        );
+        file.warnings.push(odd(reason));
+        return Ok(());
+    }
+    let entries = match file.vlr("LASF_Spec", 4) {
+        Some(entries) => entries.read(&file.bytes, MAX_ENTRIES)?,
+        None => Vec::new(),
+    };
+    let (kept_apart, has_infrared) = match find(&entries, header) {
+        Ok(found) => found,
+        Err(reason) => {
+            file.warnings.push(odd(format!("{reason}: points are read as format {}", header.format)));
+            return Ok(());
+        }
+    };
+    let payload = record.read(&file.bytes, u64::from(u16::MAX))?;
+    let mut count = [0; 8];
+    count.copy_from_slice(&payload[COUNT_AT..COUNT_AT + 8]);
+    let (large, claimed) = (u64::from_le_bytes(count), header.claimed_points);
+    let has_wkt = file.vlr("LASF_Projection", 2112).is_some();
+
+    let header = &mut file.header;
+    header.kept_apart = Some(kept_apart);
+    header.format = match (header.stored_format, has_infrared) {
+        (1, _) => 6,
+        (3, false) => 7,
+        (3, true) => 8,
+        (4, _) => 9,
+        _ => 10,
+    };
+    if has_wkt {
+        header.global_encoding |= 16;
+    }
+    if claimed == 0 || large > u64::from(u32::MAX) {
+        header.claimed_points = large;
+    } else if large != 0 && large != claimed {
+        file.warnings.push(odd(format!("it counts {large} points, the header {claimed}; {claimed} is used")));
+    }
+    Ok(())
+}
+
+/// Where the entries say that the fields lie, and whether there is near infrared.
+fn find(entries: &[u8], header: &FileHeader) -> Result<(KeptApart, bool), String> {
+    let base = usize::from(FORMAT_LEN[usize::from(header.stored_format)]);
+    let mut fields = Vec::new();
+    let mut at = base;
+    for entry in entries.chunks_exact(ENTRY) {
+        let name = &entry[NAME];
+        let name = &name[..name.iter().position(|&b| b == 0).unwrap_or(name.len())];
+        let len = entry_len(entry[2], entry[3]);
+        fields.push((name, at, len));
+        at += len;
+    }
+    let field = |name: &str, len: usize| {
+        let found = fields.iter().find(|(known, _, _)| *known == name.as_bytes());
+        let &(_, at, has) = found.ok_or_else(|| format!("the extra bytes record names no \"{name}\""))?;
+        let fits = at + len <= usize::from(header.record_len);
+        (has == len && fits).then_some(at).ok_or_else(|| {
+            format!("\"{name}\" has {has} bytes from byte {at} of a record of {}", header.record_len)
+        })
+    };
+    field("LAS 1.4 scan angle", 2)?;
+    let kept_apart = KeptApart {
+        returns: field("LAS 1.4 extended returns", 1)?,
+        class: field("LAS 1.4 classification", 1)?,
+        flags: field("LAS 1.4 flags and channel", 1)?,
+    };
+    Ok((kept_apart, field("LAS 1.4 NIR band", 2).is_ok()))
+}
+
+/// Bytes that an entry of this type takes in a record (LAS 1.4 R15, table 25; pairs and triples as R11 had them).
+fn entry_len(kind: u8, options: u8) -> usize {
+    const ONE: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
+    match usize::from(kind) {
+        // Bytes without a meaning: the options say how many.
+        0 => options.into(),
+        kind @ 1..=30 => ONE[(kind - 1) % 10] * ((kind - 1) / 10 + 1),
+        _ => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_kept_apart_comes_back() {
+        let at = KeptApart { returns: 0, class: 1, flags: 2 };
+        let restore = |record: [u8; 3], mut returns: u8, mut class: u8, mut flags: u8| {
+            at.restore(&record, &mut returns, &mut class, &mut flags);
+            (returns, class, flags)
+        };
+        // Return 9 of 12 is kept as 4 of 7 with 5 and 5 to add.
+        assert_eq!(restore([0x55, 0, 0b101], 0x74, 6, 4), (0xc9, 6, 4 | FLAG_OVERLAP));
+        assert_eq!(restore([0, 200, 0b110], 0x11, 0, 0), (0x11, 200, 0));
+        assert_eq!((at.end(), entry_len(4, 6), entry_len(13, 0), entry_len(0, 7)), (3, 2, 4, 7));
+    }
+}

@@ -1,0 +1,54 @@
+//! Text that comes from files, made harmless: names, citations and paths may hold anything, and what a terminal takes
+//! for a command, or what turns the order of letters round, must not reach a reader as such.
+
+/// `text` in one line, with everything that is not to be seen as it is written out: control characters (escape
+/// sequences begin with one), marks that change the direction of writing, separators of lines, tags and other marks
+/// without a shape. `\u{1b}[31m` stays readable as such.
+pub fn harmless(text: &str) -> String {
+    escaped(text, |_| false)
+}
+
+/// The same for text of several lines.
+pub fn harmless_lines(text: &str) -> String {
+    escaped(text, |letter| letter == '\n')
+}
+
+fn escaped(text: &str, keeps: impl Fn(char) -> bool) -> String {
+    let mut harmless = String::with_capacity(text.len());
+    for letter in text.chars() {
+        match letter {
+            _ if keeps(letter) || !is_hidden(letter) => harmless.push(letter),
+            '\n' | '\r' | '\t' => harmless.extend(letter.escape_default()),
+            _ => harmless.extend(letter.escape_unicode()),
+        }
+    }
+    harmless
+}
+
+/// Whether a letter acts instead of being seen (Unicode 16: Cc, bidirectional controls of UAX #9, and what has no
+/// shape).
+fn is_hidden(letter: char) -> bool {
+    letter.is_control()
+        || matches!(letter,
+            '\u{ad}' | '\u{61c}' | '\u{180e}'
+            | '\u{200b}' | '\u{200e}' | '\u{200f}'
+            | '\u{2028}'..='\u{202e}'
+            | '\u{2060}'..='\u{206f}'
+            | '\u{feff}' | '\u{fff9}'..='\u{fffb}'
+            | '\u{e0000}'..='\u{e007f}')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_are_shown_and_words_are_left_alone() {
+        assert_eq!(harmless("Grid \x1b[31mRED\x1b]0;x\x07"), r"Grid \u{1b}[31mRED\u{1b}]0;x\u{7}");
+        assert_eq!(harmless("a\nb\r\tc\u{9b}2J"), r"a\nb\r\tc\u{9b}2J");
+        assert_eq!(harmless("gnp.\u{202e}zal"), r"gnp.\u{202e}zal");
+        let words = "Höhe 点群 ñ № 7 \"C:\\data\" म\u{94d}\u{200d}म 𝛼";
+        assert_eq!(harmless(words), words);
+        assert_eq!(harmless_lines("a\n\x1bb"), "a\n\\u{1b}b");
+    }
+}
