@@ -95,7 +95,7 @@ impl Framed {
         let mut kept = points.to_vec();
         let total: f64 = points.iter().map(|(_, weight)| weight).sum();
         while framed.cuts.len() < MOST_PLACES
-            && let Some(gap) = largest_gap(&kept)
+            && let Some(gap) = largest_gap(&kept, 0.0).or_else(|| largest_gap(&kept, STRAY))
         {
             let (low, high): (Vec<_>, Vec<_>) =
                 kept.iter().copied().partition(|(point, _)| point[gap.axis] < gap.middle);
@@ -167,9 +167,10 @@ struct Gap {
     middle: f64,
 }
 
-/// The longest [`FAR`] gap in `points`, stray ones left out of account; O(n).
-fn largest_gap(points: &[(DVec3, f64)]) -> Option<Gap> {
-    let strays = (STRAY * points.len() as f64) as usize;
+/// The longest [`FAR`] gap in `points`, this share of them left out of account at each end: strays may lie within what
+/// is a gap otherwise. O(n).
+fn largest_gap(points: &[(DVec3, f64)], stray: f64) -> Option<Gap> {
+    let strays = (stray * points.len() as f64) as usize;
     let on_axis = |axis: usize| {
         let mut values: Vec<f64> = points.iter().map(|(point, _)| point[axis]).collect();
         let last = values.len().checked_sub(1 + strays)?;
