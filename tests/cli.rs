@@ -647,7 +647,7 @@ fn words_of_files_are_harmless() {
     fs::write(folder.path().join(format!("bad {name}")), "").unwrap();
     for (arguments, harmless) in [
         (&["info", "."][..], r"Grid \u{1b}[31mRED\u{1b}]0;x\u{7} \u{202e}end"),
-        (&["info", ".", "--json"], r"Grid \\u{1b}[31mRED\\u{1b}]0;x\\u{7} \\u{202e}end"),
+        (&["info", ".", "--json=-"], r"Grid \\u{1b}[31mRED\\u{1b}]0;x\\u{7} \\u{202e}end"),
         (&["info", ".", "--scan"], ""),
         (&["render", ".", "-o", "a.png", "--size", "64x36"], ""),
         (&["render", ".", "--each", "-o", "{stem}.png", "--size", "64x36"], ""),
@@ -661,7 +661,7 @@ fn words_of_files_are_harmless() {
         assert!(!all.lines().any(|line| line.starts_with("lasray: all is well")), "{all:?}");
     }
     if cfg!(unix) {
-        let ran = run(folder.path(), &words(["info", ".", "--json"]), &[]);
+        let ran = run(folder.path(), &words(["info", ".", "--json=-"]), &[]);
         assert!(ran.printed.contains(r"./a\\u{1b}[2J\\nlasray: all is well.las"), "{}", ran.printed);
     }
 }
