@@ -19,7 +19,6 @@ pub use frame::Bounds;
 pub use rgb::RgbDepth;
 
 use crate::attribute::{AttributeSummary, Spread};
-use crate::coords::Height;
 use crate::source::crs::{self, Crs, CrsError};
 use crate::source::known::{Known, Told};
 use crate::source::placement::{FileFacts, Placement, PlacementOptions, World};
@@ -231,7 +230,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         for &(seen, weight) in points {
             classes[usize::from(seen.class)] += weight;
             let at = place(file, seen);
-            if shown(seen) && drawable(at) {
+            if shown(seen) && at.is_finite() {
                 shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
             }
         }
@@ -240,7 +239,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         let placement = world.placements[index].as_ref()?;
         let placed = weighted[index].iter().filter(|(seen, _)| shown(seen));
         let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
-        let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| drawable(*point)).collect();
+        let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| point.is_finite()).collect();
         let file = &files[index].file;
         // Points that are all known need no header; a header that leaves out the few that are known is wrong.
         let header = header_bounds(file, placement)
@@ -445,11 +444,6 @@ fn spread(values: impl Iterator<Item = (f64, f64)>) -> Spread {
     Spread { min, max, p2, p98 }
 }
 
-/// Whether some cell and height can hold a world point.
-fn drawable(point: DVec3) -> bool {
-    point.is_finite() && Height::from_units(point.z).is_some()
-}
-
 /// Header bounds in the world, where points of the file can lie at them.
 fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
     let (min, max) = (file.header.min, file.header.max);
@@ -460,8 +454,7 @@ fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
     match placement {
         Placement::Turned { .. } => None,
         _ if !stored(min) || !stored(max) => None,
-        _ => Bounds::new(placement.place(min.x, min.y, min.z), placement.place(max.x, max.y, max.z))
-            .filter(|bounds| drawable(bounds.min) && drawable(bounds.max)),
+        _ => Bounds::new(placement.place(min.x, min.y, min.z), placement.place(max.x, max.y, max.z)),
     }
 }
 

@@ -353,7 +353,7 @@ fn world(args: &Args, cell: f64, widest: f64) -> anyhow::Result<(World, Placemen
     let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
     let loaded = loaded?;
     let placement = loaded.about.placement;
-    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, None, None)?;
+    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, &loaded.grid, None, None)?;
     let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
     Ok((World::new(loaded, seen, colors), placement))
 }

@@ -5,6 +5,7 @@ mod text;
 
 use super::Outcome;
 use crate::attribute::ColorMode;
+use crate::coords::height_step;
 use crate::gpu::{DeviceInfo, list_devices};
 use crate::sample::{self, Bounds, Budget, Opened, RgbDepth, Sample};
 use crate::source::crs::{Crs, CrsKind, Unit};
@@ -153,6 +154,8 @@ struct Total {
     density: f64,
     /// What `--cell auto` comes to, world units.
     cell: f64,
+    /// Step of the heights' lattice beside such cells, world units; none where there is none.
+    height_step: Option<f64>,
     /// Share of the ground's cells that hold a point at that size.
     coverage: f64,
     /// What `--color auto` comes to.
@@ -320,6 +323,7 @@ fn total(files: &[Opened], sample: &Sample, reports: &[FileReport]) -> Total {
         unit: sample.world.unit.clone(),
         density: sample.cell.density,
         cell: sample.cell.cell,
+        height_step: sample.bounds.and_then(|b| height_step(sample.cell.cell, [b.min.z, b.max.z])),
         coverage: sample.cell.coverage,
         color: ColorMode::auto(attributes).name(),
         height_p2_p98: [attributes.height.p2, attributes.height.p98],

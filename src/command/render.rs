@@ -4,7 +4,7 @@ mod frames;
 
 use super::{Outcome, UsageError};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Ramp};
-use crate::coords::{Height, SectionKey, tidy};
+use crate::coords::{Grid, SectionKey, tidy};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Order};
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::problems::Problems;
@@ -601,6 +601,7 @@ fn draw(
     let place = |v: DVec3| placement.place(v.x, v.y, v.z);
     let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
     let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
+    let framed = framed.at_least(grid.cell());
     let (cameras, size) = match film {
         Some(film) => (film.cameras(place)?, args.size.unwrap_or([1280, 720])),
         None => camera(args, &framed, place).map(|(camera, size)| (vec![camera], size))?,
@@ -617,7 +618,7 @@ fn draw(
             Content::Live(..) => pool_bytes / 2,
         },
     );
-    let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility(args), grid.cell())?;
+    let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility(args), grid)?;
     let (mut live, points, sections) = match content {
         Content::Whole(sections, points) => {
             let count = sections.len();
@@ -644,8 +645,8 @@ fn draw(
     };
 
     let mode = args.color.0.unwrap_or(color);
-    let colors =
-        ColorTable::new(mode, &summary, args.ramp, args.range).map_err(|e| UsageError(e.to_string()))?;
+    let colors = ColorTable::new(mode, &summary, &grid, args.ramp, args.range)
+        .map_err(|e| UsageError(e.to_string()))?;
     if let Some(constant) = &colors.constant
         && !args.quiet
     {
@@ -670,10 +671,10 @@ fn draw(
         traversal: if args.plain { Traversal::Plain } else { Traversal::Fast },
         window: None,
     };
-    let anchor = Height::from_units(bounds.center().z).context("heights are beyond what can be drawn")?;
+    let anchor = grid.height(bounds.center().z).context("heights are beyond what can be drawn")?;
     let mut renderer = Renderer::new(&scene, grid, anchor)?;
     // Solid columns are seen from below, too.
-    let seen_down_to = if args.shade == Shade::Lit { floor } else { bounds.min.z - 1e6 };
+    let seen_down_to = if args.shade == Shade::Lit { floor } else { bounds.solid_down_to() };
     let mut status = None;
     let mut all = Vec::new();
     let mut picture = |camera: &Camera, output: &Path| -> anyhow::Result<()> {
@@ -711,7 +712,7 @@ fn draw(
             anyhow::bail!(none_shown(&present.collect::<Vec<_>>()));
         }
         let image = renderer.draw_table(&mut scene, &view, &table).map_err(usage)?;
-        write(&image, &view, output)
+        write(&image, &view, &grid, output)
     };
     match film {
         Some(film) => draw_film(film, &cameras, args.quiet, picture)?,
@@ -819,10 +820,11 @@ fn draw_film(
     Ok(())
 }
 
-fn write(image: &Image, view: &View, output: &Path) -> anyhow::Result<()> {
+fn write(image: &Image, view: &View, grid: &Grid, output: &Path) -> anyhow::Result<()> {
     let [e, t] =
         [view.camera.eye(), view.camera.target()].map(|v| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z));
-    let notes = [("Eye", e.as_str()), ("Target", t.as_str())];
+    let step = grid.height_step.to_string();
+    let notes = [("Eye", e.as_str()), ("Target", t.as_str()), ("heightStep", step.as_str())];
     image.write(output, view.background == Background::None, &notes)?;
     Ok(())
 }
@@ -869,9 +871,8 @@ fn camera(
 
 /// Pixels that show all of `bounds` at `units` a pixel.
 fn ortho_size(bounds: &Bounds, angles: [f64; 2], units: f64) -> anyhow::Result<[u32; 2]> {
-    let looking =
-        Camera::orbit(bounds.center(), angles, 1.0, Projection::Orthographic { units_per_pixel: units })
-            .map_err(|e| UsageError(e.to_string()))?;
+    let looking = Camera::looking(DVec3::ZERO, angles, Projection::Orthographic { units_per_pixel: units })
+        .map_err(|e| UsageError(e.to_string()))?;
     let half = (bounds.max - bounds.min) * 0.5;
     // Extent of a box along an axis.
     let along = |axis: DVec3| 2.0 * half.dot(axis.abs());

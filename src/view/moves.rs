@@ -92,7 +92,8 @@ impl Viewer {
     pub(super) fn framed(&self) -> Option<Bounds> {
         let about = self.data.about()?;
         let slab = Bounds { min: about.bounds.min.with_z(floor(&self.data)?), ..about.bounds };
-        Some(slab.exaggerated(self.settings.z_scale, about.bounds.min.z))
+        let cell = self.data.grid().0.cell();
+        Some(slab.exaggerated(self.settings.z_scale, about.bounds.min.z).at_least(cell))
     }
 
     pub(super) fn look_from(&mut self, angles: [f64; 2]) {
@@ -161,7 +162,8 @@ impl Viewer {
         let world = placement.place(e, n, u.unwrap_or(file.z));
         let shown = world.with_z(bounds.min.z + (world.z - bounds.min.z) * self.settings.z_scale);
         let length = (bounds.max - bounds.min).truncate().max_element();
-        let distance = (self.camera.target() - self.camera.eye()).length().min(length * 0.1).max(1.0);
+        let cell = self.data.grid().0.cell();
+        let distance = (self.camera.target() - self.camera.eye()).length().min(length * 0.1).max(cell);
         let angles = self.camera.angles();
         if let Ok(camera) = Camera::orbit(shown, angles, distance, self.camera.projection()) {
             self.keep_view();
