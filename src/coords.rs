@@ -267,9 +267,9 @@ mod tests {
                     prop_assert_eq!(Some(height[0]), one);
                 }
                 if let Some(height) = one {
-                    // At or above, by less than a step.
+                    // At or above, by no more than rounding makes of less than a step.
                     let above = grid.units(height) - u;
-                    prop_assert!((0.0..height_step).contains(&above), "{} of {}", above, height_step);
+                    prop_assert!((0.0..=height_step).contains(&above), "{} of {}", above, height_step);
                     prop_assert_eq!(grid.height(grid.units(height)), Some(height));
                 }
             }
