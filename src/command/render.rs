@@ -10,7 +10,7 @@ use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::problems::Problems;
 use crate::render::camera::{Bounds, Camera, DEFAULT_FOV, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, View, check_size};
-use crate::render::image::{Format, Image, WorldFile, write_prj_beside};
+use crate::render::image::{Format, Image, WorldFile, notes, write_prj_beside};
 use crate::render::path::CameraPath;
 use crate::render::sight::sight;
 use crate::render::whole_file::write_whole;
@@ -821,10 +821,8 @@ fn draw_film(
 }
 
 fn write(image: &Image, view: &View, grid: &Grid, output: &Path) -> anyhow::Result<()> {
-    let [e, t] =
-        [view.camera.eye(), view.camera.target()].map(|v| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z));
-    let step = grid.height_step.to_string();
-    let notes = [("Eye", e.as_str()), ("Target", t.as_str()), ("heightStep", step.as_str())];
+    let notes = notes(view.camera, grid);
+    let notes = notes.each_ref().map(|(key, value)| (*key, value.as_str()));
     image.write(output, view.background == Background::None, &notes)?;
     Ok(())
 }

@@ -725,7 +725,13 @@ impl Renderer {
         Ok(self.plain.clone().expect("just made"))
     }
 
-    /// The rays of `view`. Errors: they cannot be drawn.
+    /// Errors: `view` takes in too much to be drawn.
+    #[cfg(feature = "view")]
+    pub fn check(&self, view: &View) -> Result<(), CameraError> {
+        self.rays(view).map(drop)
+    }
+
+    /// The rays of `view`. Errors: it takes in too much to be drawn.
     pub(super) fn rays(&self, view: &View) -> Result<Rays, CameraError> {
         Rays::of(view, &self.grid, self.anchor)
     }
