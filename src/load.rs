@@ -2,7 +2,7 @@
 
 use crate::attribute::AttributeSummary;
 use crate::attribute::ColorMode;
-use crate::coords::{CELL_LIMIT, Grid, SectionKey, height_step, tidy};
+use crate::coords::{CELL_LIMIT, Grid, HEIGHT_REACH, SectionKey, height_step, tidy};
 use crate::problems::Problems;
 use crate::render::camera::Bounds;
 use crate::sample::{self, FileSample, Opened, RgbDepth};
@@ -69,7 +69,7 @@ pub enum LoadError {
     TooWide(f64),
     /// Heights that no lattice holds beside such cells.
     #[error(
-        "nothing to draw: heights reach from {} to {} units, too far from 0 to be told apart in steps of a cell of {}",
+        "heights reach from {} to {} units, too far from 0 to be told apart in steps of a cell of {}",
         tidy(*low),
         tidy(*high),
         tidy(*cell)
@@ -123,15 +123,19 @@ fn spans(bounds: &Bounds) -> [f64; 2] {
 /// `chosen`, or the smallest power of two above it whose grid holds the data.
 pub(crate) fn auto_cell(chosen: f64, bounds: &Bounds) -> Result<f64, LoadError> {
     let [extent, reach] = spans(bounds);
-    let least = (extent / EXTENT_CELLS).max(reach / REACH_CELLS);
+    let mut least = (extent / EXTENT_CELLS).max(reach / REACH_CELLS);
+    if extent <= chosen {
+        // All of it lies in a cell or two, however large: one beside which heights can be held.
+        least = least.max(bounds.max.z.abs().max(bounds.min.z.abs()) / HEIGHT_REACH);
+    }
     if least > 1e15 || !extent.is_finite() {
         return Err(LoadError::TooWide(reach));
     }
     Ok(if chosen >= least { chosen } else { least.log2().ceil().exp2() })
 }
 
-/// The grid of `cell`, anchored near the data so that cells are counted in i32, and with the step of their heights.
-pub(crate) fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
+/// An error where cells of `cell` would be too many.
+fn check_cell(cell: f64, bounds: &Bounds) -> Result<(), LoadError> {
     let [extent, reach] = spans(bounds);
     let limits = [("an extent of", extent, EXTENT_CELLS), ("coordinates of", reach, REACH_CELLS)];
     for (what, length, most) in limits {
@@ -139,6 +143,12 @@ pub(crate) fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
             return Err(LoadError::TooFine { cell, what, length, most });
         }
     }
+    Ok(())
+}
+
+/// The grid of `cell`, anchored near the data so that cells are counted in i32, and with the step of their heights.
+pub(crate) fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
+    check_cell(cell, bounds)?;
     // A multiple that stays one of a section's side through every coarsening.
     const ANCHOR: f64 = (1 << 28) as f64;
     let middle = bounds.center();
@@ -261,12 +271,14 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         Some(cell) => cell,
         None => auto_cell(sample.cell.cell, &bounds)?,
     };
+    check_cell(cell, &bounds)?;
+    let (too_high, bounds) = without_too_high(&opened, &sample, cell, bounds, problems)?;
     let grid = grid(cell, &bounds)?;
     let bounds = bounds.snapped(grid.height_step);
 
     let mut inputs = Vec::new();
     for (index, opened) in opened.into_iter().enumerate() {
-        if let Some(placement) = sample.world.placements[index] {
+        if let Some(placement) = sample.world.placements[index].filter(|_| !too_high[index]) {
             let rgb = match (sample.files[index].rgb, options.rgb_bits) {
                 (_, Some(8)) => RgbDepth::Eight,
                 (_, Some(_)) => RgbDepth::Sixteen,
@@ -299,6 +311,34 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         cell,
     };
     Ok(Opening { inputs, grid, core: core(cell, &bounds), about })
+}
+
+/// Which files are left out since no step holds their heights, which is said, and the box of the others; `bounds`, of all,
+/// where there is none.
+fn without_too_high(
+    opened: &[Opened],
+    sample: &sample::Sample,
+    cell: f64,
+    bounds: Bounds,
+    problems: &mut Problems,
+) -> Result<(Vec<bool>, Bounds), LoadError> {
+    let (mut too_high, mut held) = (vec![false; opened.len()], None);
+    for ((file, opened), too_high) in sample.files.iter().zip(opened).zip(&mut too_high) {
+        let Some(bounds) = file.bounds else { continue };
+        let (low, high) = (bounds.min.z, bounds.max.z);
+        if height_step(cell, [low, high]).is_some() {
+            held = Some(held.map_or(bounds, |held| bounds.union(held)));
+        } else {
+            *too_high = true;
+            let path = opened.file.path().display();
+            problems.error(format!("{path}: {}", LoadError::TooHigh { low, high, cell }));
+        }
+    }
+    if !too_high.contains(&true) {
+        return Ok((too_high, bounds));
+    }
+    let held = held.ok_or(LoadError::Nothing("no point is left"))?;
+    Ok((too_high, Bounds { min: held.min, max: held.max }))
 }
 
 /// What was learned before, and what spatial indices tell.

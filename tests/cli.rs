@@ -405,7 +405,7 @@ fn bad_files() -> Vec<Case> {
             with(las(300), 147, &f(1e6)),
             1,
             &[
-                "nothing to draw: heights reach from ",
+                "high.las: heights reach from ",
                 " units, too far from 0 to be told apart in steps of a cell of ",
             ],
         ),
