@@ -60,7 +60,7 @@ uvec4 trace(Ray ray) {
             }
             float t_hit = t;
             if (enter > float(node.top)) {
-                float rise = frame.origin_step == 1.0 ? float(node.top - ray.cell.z) - ray.fraction.z : float(node.top) - z0;
+                float rise = mix(float(node.top) - z0, float(node.top - ray.cell.z) - ray.fraction.z, frame.origin_step == 1.0);
                 t_hit = clamp(rise / ray.step.z, t, t_exit);
                 face = FACE_TOP;
             }

@@ -190,7 +190,8 @@ Hit trace(Ray ray, float start, int level) {
             if (any(lessThan(node << level, low)) || any(greaterThanEqual(node << level, high))) break;
             if (fma(t, walk.dz, walk.z0) > float(top)) {
                 face = FACE_TOP;
-                float rise = frame.origin_step == 1.0 ? float(top - ray.cell.z) - ray.fraction.z : float(top) - walk.z0;
+                // No branch: drivers compile anew for constants that one follows from.
+                float rise = mix(float(top) - walk.z0, float(top - ray.cell.z) - ray.fraction.z, frame.origin_step == 1.0);
                 t = clamp(rise / walk.dz, t, t_end);
             }
             if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);

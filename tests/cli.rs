@@ -541,6 +541,10 @@ fn wrong_arguments() {
         (&["--size", "4294967295x4294967295"], "4294967295x4294967295 pixels is too large for the device"),
         (&["--size", "4294967295x1"], "4294967295x1 pixels is too large for the device"),
         (&["--ortho", "1e-9"], "give --size, or more units"),
+        (
+            &["--ortho", "1e9", "--size", "64x36"],
+            "units wide where the data begins, more than 2^30 cells of ",
+        ),
         (&["--classes", "256"], "class 256 is out of range: classes are 0 to 255"),
         (&["--classes", "7-3"], "7 is above 3"),
         (&["--hide", "ground"], "'ground' is not a class"),
