@@ -4,7 +4,7 @@
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use lasray::attribute::{Attributes, ClassMask, ColorTable, Record};
-use lasray::coords::{Height, SECTION_SIDE, SectionKey};
+use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_SIDE, SectionKey};
 use lasray::gpu::{Gpu, GpuOptions, Order, QueueKind, Timestamps};
 use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
@@ -21,6 +21,8 @@ use std::time::{Duration, Instant};
 
 /// Sections of a scene, a square of them.
 const SECTIONS_SIDE: i32 = 4;
+
+const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
 
 const SHOWN: fn(u32) -> Visibility =
     |bridge| Visibility { classes: ClassMask::default(), withheld: false, bridge };
@@ -76,7 +78,7 @@ fn deriving(c: &mut Criterion) {
         ("bridged, one class", Visibility { classes: some, ..SHOWN(4) }),
     ] {
         let mut scene =
-            Scene::new(&gpu, |o: Order| o, Access::Address, 1 << 30, shown, 0.25).expect("a scene");
+            Scene::new(&gpu, |o: Order| o, Access::Address, 1 << 30, shown, GRID).expect("a scene");
         for (key, packed) in &sections {
             assert!(scene.upload(*key, packed).expect("copied"));
         }
@@ -105,7 +107,7 @@ fn deriving(c: &mut Criterion) {
 fn uploading(c: &mut Criterion) {
     let (gpu, sections) = (gpu(), sections());
     let mut scene =
-        Scene::new(&gpu, |o: Order| o, Access::Address, 1 << 30, SHOWN(0), 0.25).expect("a scene");
+        Scene::new(&gpu, |o: Order| o, Access::Address, 1 << 30, SHOWN(0), GRID).expect("a scene");
     let bytes: u64 = sections.iter().map(|(_, p)| 4 * p.words.len() as u64).sum();
     let mut group = c.benchmark_group("upload");
     group.throughput(Throughput::Bytes(bytes)).sample_size(10);
@@ -161,11 +163,12 @@ fn tracing(c: &mut Criterion) {
     };
     let loaded = load::paths(&[path], &options, &mut Problems::default()).expect("loaded");
     let gpu = gpu();
-    let (cell, bounds) = (loaded.grid.cell(), loaded.about.bounds);
-    let anchor = Height::from_units(bounds.center().z).expect("on the Earth");
-    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, None, None).expect("colours");
+    let bounds = loaded.about.bounds;
+    let anchor = loaded.grid.height(bounds.center().z).expect("on the Earth");
+    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, &loaded.grid, None, None)
+        .expect("colours");
     let mut scene =
-        Scene::new(&gpu, |o: Order| o, Access::Address, 1 << 30, SHOWN(0), cell).expect("a scene");
+        Scene::new(&gpu, |o: Order| o, Access::Address, 1 << 30, SHOWN(0), loaded.grid).expect("a scene");
     for (key, columns) in loaded.sections {
         assert!(scene.upload(key, &columns.pack()).expect("copied"));
     }

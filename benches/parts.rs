@@ -4,7 +4,7 @@
 
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use lasray::attribute::{Attributes, Record};
-use lasray::coords::{Grid, Height, SECTION_SIDE};
+use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_SIDE};
 use lasray::sample::RgbDepth;
 use lasray::section::Columns;
 use lasray::source::placement::Placement;
@@ -66,7 +66,7 @@ fn binning(c: &mut Criterion) {
             let mut binner = Binner::default();
             let corner = input.file.header.min;
             let anchor = [corner.x, corner.y].map(|v| (v / cell / 16_777_216.0).floor() as i64 * 16_777_216);
-            let grid = Grid { base_cell: cell, coarsen: 0, anchor };
+            let grid = Grid { base_cell: cell, coarsen: 0, anchor, height_step: HEIGHT_STEP };
             let everywhere = [i64::MIN / 4..i64::MAX / 4, i64::MIN / 4..i64::MAX / 4];
             let plenty = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
             b.iter_batched(

@@ -72,6 +72,7 @@ void main() {
         origin_at(frame.origin_int, frame.origin_fraction, steps, steps * 16 - odd_half(), cell, fraction, direction);
         if (corner == 0) from = cell;
         vec3 origin = vec3(cell - from) + fraction;
+        origin.z *= frame.origin_step;
         direction *= frame.to_local;
         ox[corner] = origin.x; oy[corner] = origin.y; oz[corner] = origin.z;
         dx[corner] = direction.x; dy[corner] = direction.y; dz[corner] = direction.z;
@@ -79,7 +80,7 @@ void main() {
     vec4 ix = 1.0 / mix(dx, vec4(1e-20), lessThan(abs(dx), vec4(1e-20)));
     vec4 iy = 1.0 / mix(dy, vec4(1e-20), lessThan(abs(dy), vec4(1e-20)));
     ivec2 low = frame.low - from.xy, high = frame.high - from.xy;
-    float base_z = float(from.z);
+    float base_z = float(from.z) * frame.origin_step;
     bvec2 ahead = bvec2(dx.x + dx.w >= 0.0, dy.x + dy.w >= 0.0);
 
     float s = -frame.depth;

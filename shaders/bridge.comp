@@ -53,7 +53,8 @@ void main() {
     beside = JOB[job].near[3 + i];
     above = JOB[job].near[3 * j + 1];
     across = JOB[job].near[3 * j + i];
-    int reach = int(DERIVE.bridge), steep = int(JOB[job].slopes.x);
+    int reach = int(DERIVE.bridge);
+    uint steep = JOB[job].slopes.x;
     uvec2 derived = here.xy;
     uint west = western_block(half_block, IS_WIDE);
 
@@ -91,7 +92,8 @@ void main() {
         int far_all = far_steps.x | far_steps.y << 4 | far_steps.z << 8 | far_steps.w << 12;
 
         ivec2 column = ivec2(origin) + ivec2(x, y);
-        int height = 0, best_drop = 0;
+        int height = 0;
+        uint best_drop = 0u;
         ivec2 source = ivec2(0);
         bool bridged = false;
         while (axes != 0u) {
@@ -100,14 +102,15 @@ void main() {
             ivec2 axis = ivec2(a == 1 ? 0 : 1, a == 0 ? 0 : a == 3 ? -1 : 1);
             int near_step = near_all >> 4 * a & 15, far_step = far_all >> 4 * a & 15;
             int near_height = height_at(column - axis * near_step), far_height = height_at(column + axis * far_step);
-            int drop = abs(near_height - far_height);
+            uint drop = uint(max(near_height, far_height)) - uint(min(near_height, far_height));
             if (!bridged || drop < best_drop) {
                 bridged = true;
                 best_drop = drop;
                 bool near_is_source = near_step < far_step || (near_step == far_step && near_height <= far_height);
-                if (drop <= steep * span) {
-                    // Heights above the nearer end stay small, so the product cannot overflow.
-                    height = near_height + (far_height - near_height) * near_step / span;
+                if (drop <= steep * uint(span)) {
+                    // Whole spans first, so that no product overflows.
+                    int rise = far_height - near_height, whole = rise / span;
+                    height = near_height + whole * near_step + (rise - whole * span) * near_step / span;
                 } else {
                     near_is_source = near_height <= far_height;
                     height = min(near_height, far_height);

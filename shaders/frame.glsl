@@ -16,17 +16,19 @@ struct Frame {
     int section_level; // and of its largest sections
     ivec2 low, high;  // what they cover, cells; high is exclusive
     uint width, height;
-    ivec3 origin_int; // origin at the top left corner of the image's middle pixel: cells east, cells north, lattice steps up
+    ivec3 origin_int; // origin at the top left corner of the image's middle pixel: cells east, cells north, origin_step lattice steps up
     uvec3 origin_fraction;
     ivec3 right_int; // per pixel to the right
     uvec3 right_fraction;
     ivec3 down_int; // per pixel down
     uvec3 down_fraction;
-    float depth;   // of the plane that origins lie on
+    float depth;   // of the plane that origins lie on, lengths
     vec3 forward;  // direction through the image's centre, display space
     vec3 right;    // its change per sixteenth of a pixel to the right
     vec3 down;     // and down
-    vec3 to_local; // world units to cells, cells, lattice steps (the last holds the exaggeration)
+    vec3 to_local; // lengths to cells, cells, lattice steps (the last holds the exaggeration); a length is a power of two of
+                   // world units, at most a cell, so that numbers here do not depend on the unit
+    float origin_step; // lattice steps in one step up of an origin: 1 unless the picture is too tall for that
     int height_anchor; // lattice height of local height 0
     uint shade;        // 0: exact, 1: lit
     uint color_source; // 0 rgb, 1 height, 2 class, 3 intensity, 4 returns
@@ -145,7 +147,7 @@ int detail_of(uint slot) { return int(node_meta(slot) >> 16u); }
 // Index of the node in `slot`.
 ivec2 index_of(uint slot) { return ivec2(int(node_key(slot).x << 6u) >> 6, int(node_key(slot).y)); }
 
-// A hit record: x is t (world units from the ray's origin, as float bits), y the table slot or NO_NODE for a
+// A hit record: x is t (lengths from the ray's origin, as float bits), y the table slot or NO_NODE for a
 // miss, z the column (y << 8 | x) and the face << 16, w the column's top (lattice steps from the anchor, int bits).
 const uint FACE_TOP = 0u;
 const uint FACE_WEST = 1u; // the ray went through the column's west side, going east
@@ -155,9 +157,9 @@ const uint FACE_NORTH = 4u;
 const uint FACE_INSIDE = 5u; // the eye is in the column
 
 struct Ray {
-    ivec3 cell;    // integer part of the origin: cells, cells, lattice steps
+    ivec3 cell;    // integer part of the origin: cells, cells, origin_step lattice steps
     vec3 fraction; // and what is left, 0..1
-    vec3 step;     // direction: cells, cells, lattice steps in one world unit
+    vec3 step;     // direction: cells, cells, lattice steps in one length
     vec3 world;    // unit direction in display space
     float start;   // t of the eye, 0 or less
     float unit;    // length of the direction: t of one unit of depth
@@ -218,6 +220,9 @@ void origin_at(ivec3 first_int, uvec3 first_fraction, ivec2 steps, ivec2 from_ce
 // Pixels from the image's middle one, and sixteenths of a pixel from its centre on.
 ivec2 from_middle(uvec2 pixel) { return ivec2(pixel + uvec2(0u, push.first_row)) - ivec2(frame.width, frame.height) / 2; }
 ivec2 odd_half() { return ivec2(frame.width & 1u, frame.height & 1u) * 8; }
+
+// Height of a ray's origin, lattice steps from the anchor.
+float origin_height(Ray ray) { return (float(ray.cell.z) + ray.fraction.z) * frame.origin_step; }
 
 // The ray of this pass's sample of a pixel.
 Ray ray_of(uvec2 pixel) {

@@ -16,7 +16,7 @@ uvec4 trace(Ray ray) {
     ivec2 high = mix(frame.high, -frame.low, equal(mirror, ivec2(1)));
     uint face = FACE_INSIDE;
     float t = ray.start;
-    float z0 = float(ray.cell.z) + ray.fraction.z;
+    float z0 = origin_height(ray);
 
     // To the eye, or on to the border of what there is.
     vec2 ahead = (vec2(low - cell) - fraction) * inverse;
@@ -60,7 +60,8 @@ uvec4 trace(Ray ray) {
             }
             float t_hit = t;
             if (enter > float(node.top)) {
-                t_hit = clamp((float(node.top - ray.cell.z) - ray.fraction.z) / ray.step.z, t, t_exit);
+                float rise = mix(float(node.top) - z0, float(node.top - ray.cell.z) - ray.fraction.z, frame.origin_step == 1.0);
+                t_hit = clamp(rise / ray.step.z, t, t_exit);
                 face = FACE_TOP;
             }
             return plain_hit(t_hit, node, real, face);

@@ -112,7 +112,7 @@ void main() {
     Ray ray = ray_of(pixel);
 
     // Columns are solid without end: below the floor a lit picture shows what is behind their sides.
-    float z = fma(uintBitsToFloat(hit.x), ray.step.z, float(ray.cell.z) + ray.fraction.z);
+    float z = fma(uintBitsToFloat(hit.x), ray.step.z, origin_height(ray));
     if ((hit.z >> 16u & 7u) == FACE_TOP) z = float(int(hit.w));
     else if (z < frame.floor) hit.y = NO_NODE;
 

@@ -16,7 +16,7 @@ struct Walk {
     ivec2 mirror;   // 1 where the ray goes west / south
     ivec2 origin;   // cell of the origin, mirrored
     vec2 fraction;  // and where in it
-    vec2 inverse;   // world units in one cell
+    vec2 inverse;   // lengths in one cell
     float z0, dz;   // lattice steps
 };
 
@@ -55,7 +55,7 @@ Hit trace(Ray ray, float start, int level) {
     // Where a ray runs along an axis it stays in its cell, on a border or not: it was always, or is never, between two
     // others.
     walk.fraction = mix(walk.fraction, vec2(0.5), still);
-    walk.z0 = float(ray.cell.z) + ray.fraction.z;
+    walk.z0 = origin_height(ray);
     walk.dz = ray.step.z;
     ivec2 low = mix(frame.low, -frame.high, equal(walk.mirror, ivec2(1)));
     ivec2 high = mix(frame.high, -frame.low, equal(walk.mirror, ivec2(1)));
@@ -190,7 +190,9 @@ Hit trace(Ray ray, float start, int level) {
             if (any(lessThan(node << level, low)) || any(greaterThanEqual(node << level, high))) break;
             if (fma(t, walk.dz, walk.z0) > float(top)) {
                 face = FACE_TOP;
-                t = clamp((float(top - ray.cell.z) - ray.fraction.z) / walk.dz, t, t_end);
+                // No branch: drivers compile anew for constants that one follows from.
+                float rise = mix(float(top) - walk.z0, float(top - ray.cell.z) - ray.fraction.z, frame.origin_step == 1.0);
+                t = clamp(rise / walk.dz, t, t_end);
             }
             if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
             return Hit(t, hit.slot, uvec2((node ^ flip) >> detail - finest) & (SECTION_SIDE - 1u), face, top, hit.steps);

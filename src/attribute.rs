@@ -3,7 +3,7 @@
 //! Colours here (points' RGB, ramps, palettes) are sRGB-encoded; light is computed and EXR written in
 //! linear values: [`srgb_to_linear`] after the lookup, [`linear_to_srgb`] before an 8-bit file.
 
-use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, tidy};
+use crate::coords::{Grid, Height, tidy};
 use bytemuck::{Pod, Zeroable};
 use clap::ValueEnum;
 use std::collections::BTreeSet;
@@ -416,10 +416,11 @@ pub struct ColorTable {
 impl ColorTable {
     /// The table of `mode` for the data that `sample` stands for. `ramp`: default relief for heights,
     /// grey for intensity. `range` (CRS units for heights): default percentiles 2 to 98, for the thesis
-    /// ramp lowest to highest.
+    /// ramp lowest to highest. `grid`: whose lattice heights are on.
     pub fn new(
         mode: ColorMode,
         sample: &AttributeSummary,
+        grid: &Grid,
         ramp: Option<Ramp>,
         range: Option<(f64, f64)>,
     ) -> Result<ColorTable, AttributeError> {
@@ -479,7 +480,10 @@ impl ColorTable {
             ColorMode::Rgb | ColorMode::Class | ColorMode::Return => {
                 own.unwrap_or_else(|| direct(|_| [0; 3]))
             }
-            ColorMode::Height => ramped(&sample.height, Ramp::Relief, &biased_units, HEIGHT_STEPS_PER_UNIT),
+            ColorMode::Height => {
+                let biased = |u: f64| biased_steps(u / grid.height_step);
+                ramped(&sample.height, Ramp::Relief, &biased, grid.height_step.recip())
+            }
             ColorMode::Intensity => {
                 ramped(&sample.intensity, Ramp::Grey, &|v| v.clamp(0.0, 65535.0) as u32, 1.0)
             }
@@ -504,10 +508,9 @@ impl ColorTable {
     }
 }
 
-/// Height in CRS units → biased lattice height, held inside the lattice.
-fn biased_units(u: f64) -> u32 {
-    let h = (u * HEIGHT_STEPS_PER_UNIT).ceil();
-    bias(Height((h as i32).max(i32::MIN + 1)))
+/// Height in lattice steps → biased lattice height, held inside the lattice.
+fn biased_steps(steps: f64) -> u32 {
+    bias(Height((steps.ceil() as i32).max(i32::MIN + 1)))
 }
 
 fn table(color: impl Fn(u16) -> [f64; 3]) -> Box<[[f32; 4]; 256]> {
@@ -586,8 +589,8 @@ impl AttributeSample {
         self.points.push(point);
     }
 
-    /// What the colours are chosen by; the same for any order of points.
-    pub fn summary(&self) -> AttributeSummary {
+    /// What the colours are chosen by; the same for any order of points. `grid`: whose lattice heights are on.
+    pub fn summary(&self, grid: &Grid) -> AttributeSummary {
         let p = &self.points;
         let (mut classes, mut returns) = (Box::new([0; 256]), Box::new([0; 256]));
         for a in p {
@@ -597,7 +600,7 @@ impl AttributeSample {
         let first = p.first().map_or([0; 3], |a| a.rgb);
         AttributeSummary {
             points: p.len() as u64,
-            height: Spread::of(p.iter().map(|a| a.height.units()).collect()),
+            height: Spread::of(p.iter().map(|a| grid.units(a.height)).collect()),
             intensity: Spread::of(p.iter().map(|a| f64::from(a.intensity)).collect()),
             classes,
             returns,
@@ -687,14 +690,17 @@ fn oklab_distance(a: [f64; 3], b: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::coords::HEIGHT_STEP;
     use proptest::prelude::*;
+
+    const GRID: Grid = Grid { base_cell: 1.0, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
 
     fn point(h: i32, class: u8, intensity: u16, rgb: [u8; 3]) -> Attributes {
         Attributes { height: Height(h), class, intensity, rgb, returns: 0x11, flags: 0 }
     }
 
     fn summary(points: impl IntoIterator<Item = Attributes>) -> AttributeSummary {
-        AttributeSample { points: points.into_iter().collect() }.summary()
+        AttributeSample { points: points.into_iter().collect() }.summary(&GRID)
     }
 
     fn attributes() -> impl Strategy<Value = Attributes> {
@@ -779,7 +785,7 @@ mod tests {
     #[test]
     fn thesis_ramp_is_the_published_formula() {
         let data = summary([point(-2048, 2, 0, [0; 3]), point(10_000, 2, 0, [0; 3])]);
-        let table = ColorTable::new(ColorMode::Height, &data, Some(Ramp::Thesis), None).unwrap();
+        let table = ColorTable::new(ColorMode::Height, &data, &GRID, Some(Ramp::Thesis), None).unwrap();
         for h in (-2048..=10_000).step_by(7).chain([3976, 9_999, 10_000, 20_000, -9_000]) {
             let ht = 2.0 * f64::from(h.clamp(-2048, 10_000) + 2048) / 12_048.0;
             let (r, g, b) = if ht >= 1.0 {
@@ -797,8 +803,8 @@ mod tests {
     #[test]
     fn tables_hit_palette_and_rgb_exactly() {
         let data = summary((0..200).map(|k| point(k, k as u8, k as u16, [k as u8, 7, 9])));
-        let class = ColorTable::new(ColorMode::Class, &data, None, None).unwrap();
-        let own = ColorTable::new(ColorMode::Rgb, &data, None, None).unwrap();
+        let class = ColorTable::new(ColorMode::Class, &data, &GRID, None, None).unwrap();
+        let own = ColorTable::new(ColorMode::Rgb, &data, &GRID, None, None).unwrap();
         for c in 0..=255u8 {
             let record = Record::pack(point(0, c, 0, [c, 100, 255 - c]));
             assert_eq!(class.color(record), class_color(c).map(|v| (f64::from(v) / 255.0) as f32));
@@ -809,7 +815,7 @@ mod tests {
     #[test]
     fn range_is_percentiles_unless_given() {
         let data = summary((0..=100).map(|k| point(k * 1024, 2, k as u16, [0; 3])));
-        let table = |range| ColorTable::new(ColorMode::Height, &data, Some(Ramp::Grey), range);
+        let table = |range| ColorTable::new(ColorMode::Height, &data, &GRID, Some(Ramp::Grey), range);
         assert_eq!(table(None).unwrap().range, Some((2.0, 98.0)));
         let given = table(Some((10.0, 20.0))).unwrap();
         let grey = |u: i32| given.color(Record::pack(point(u * 1024, 2, 0, [0; 3])))[0];
@@ -834,7 +840,7 @@ mod tests {
         let byte = |color: [u8; 3]| color.map(|v| f32::from(v) / 255.0);
         let rgb = [255, 128, 0];
         let data = summary((0..50).map(|_| point(1024, 6, 9, rgb)));
-        let table = |mode, data| ColorTable::new(mode, data, None, None).unwrap();
+        let table = |mode, data| ColorTable::new(mode, data, &GRID, None, None).unwrap();
         for (mode, words, color) in [
             (ColorMode::Rgb, "colour is 255,128,0 everywhere, drawn in that colour", byte(rgb)),
             (ColorMode::Height, "height is 1 everywhere, drawn grey", grey),
@@ -867,7 +873,7 @@ mod tests {
         two.classes[2] = 1;
         assert_eq!(table(ColorMode::Class, &two).constant, None);
         let flat_but_one = summary((0..500).map(|k| point(if k == 0 { 4096 } else { 0 }, 2, 0, [0; 3])));
-        let table = ColorTable::new(ColorMode::Height, &flat_but_one, None, None).unwrap();
+        let table = ColorTable::new(ColorMode::Height, &flat_but_one, &GRID, None, None).unwrap();
         assert_eq!(table.range, Some((0.0, 4.0)));
     }
 

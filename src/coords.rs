@@ -1,7 +1,14 @@
 //! Units as types: heights on one lattice, cells, sections.
 
-/// Height steps in one CRS unit: heights lie on a lattice of 2⁻¹⁰ unit, anchored at U = 0.
-pub const HEIGHT_STEPS_PER_UNIT: f64 = 1024.0;
+/// Step of the heights' lattice where nothing speaks against it, CRS units: 2⁻¹⁰.
+pub const HEIGHT_STEP: f64 = 1.0 / 1024.0;
+/// Smallest cell for which that is fine enough.
+const LEAST_CELL_OF_HEIGHT_STEP: f64 = 1.0 / 64.0;
+/// Height steps in a cell of another size, or up to twice as many.
+const STEPS_IN_A_CELL: f64 = 256.0;
+/// Steps from U = 0 to the highest and lowest of most heights: 31 bits with the sign. [`Height`] has one more, for what
+/// stands out of them and for differences.
+pub const HEIGHT_REACH: f64 = (1u32 << 30) as f64;
 
 /// log2 of a section's side in cells.
 pub const SECTION_LOG2: u32 = 8;
@@ -13,23 +20,29 @@ pub const SECTION_COLUMNS: usize = (SECTION_SIDE * SECTION_SIDE) as usize;
 /// Largest distance of a cell index from the grid's origin that the device can address (i32 with room).
 pub const CELL_LIMIT: i64 = 1 << 29;
 
-/// A height on the lattice: `ceil(U · 1024)`. `i32::MIN` never occurs: it stands for "no point".
+/// A height on the lattice of [`Grid::height_step`]: `ceil(U / step)`. `i32::MIN` never occurs: it stands for "no point".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Height(pub i32);
 
-impl Height {
-    /// The lattice height at or just above `u` (CRS units); `None` beyond ±2,097,151 units or NaN.
-    #[inline]
-    pub fn from_units(u: f64) -> Option<Height> {
-        let h = (u * HEIGHT_STEPS_PER_UNIT).ceil();
-        // NaN fails both comparisons.
-        if h > -2_147_483_648.0 && h < 2_147_483_647.0 { Some(Height(h as i32)) } else { None }
+/// The step of the lattice, anchored at U = 0, for cells of `cell` and heights most of which lie between `low` and
+/// `high` (CRS units): [`HEIGHT_STEP`] if cells are not tiny and 31 bits count those heights in it, else the largest
+/// power of two that is at most 1/256 of a cell, raised until they do. `None` where it would be larger than a cell:
+/// the heights then are too many cells from 0 to be told apart.
+pub fn height_step(cell: f64, [low, high]: [f64; 2]) -> Option<f64> {
+    // As far as it takes: the smallest step that counts the heights.
+    let least = low.abs().max(high.abs()) / HEIGHT_REACH;
+    if cell >= LEAST_CELL_OF_HEIGHT_STEP && least <= HEIGHT_STEP {
+        return Some(HEIGHT_STEP);
     }
+    let step = power_of_two_at_most(cell / STEPS_IN_A_CELL);
+    let step = if least <= step { step } else { power_of_two_at_most(least.next_down()) * 2.0 };
+    (step <= cell && step.is_normal() && step.recip().is_normal()).then_some(step)
+}
 
-    /// CRS units above U = 0.
-    pub fn units(self) -> f64 {
-        f64::from(self.0) / HEIGHT_STEPS_PER_UNIT
-    }
+/// The largest power of two that is at most `size`, which is positive and finite.
+pub fn power_of_two_at_most(size: f64) -> f64 {
+    // The exponent alone; what is smaller than those that have one becomes 0.
+    f64::from_bits(size.to_bits() & 0x7FF0_0000_0000_0000)
 }
 
 /// A finest cell of the grid: indices relative to [`Grid::anchor`].
@@ -67,7 +80,7 @@ impl SectionKey {
 }
 
 /// The one grid that every file and every run shares: cell index = floor(E / c), anchored at the CRS
-/// origin, optionally coarsened by whole powers of two (index >> coarsen).
+/// origin, optionally coarsened by whole powers of two (index >> coarsen); and the lattice that heights lie on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
     /// Cell size c before coarsening, CRS units.
@@ -77,9 +90,29 @@ pub struct Grid {
     /// Added to device-side indices to get absolute ones (in coarsened cells; a multiple of
     /// `SECTION_SIDE`), so that northing 6,000,000 is as small a number as 0.
     pub anchor: [i64; 2],
+    /// Step of the heights' lattice, CRS units; a power of two, chosen once (see [`height_step`]). Coarser cells keep it.
+    pub height_step: f64,
 }
 
 impl Grid {
+    /// The lattice height at or just above `u` (CRS units); `None` for NaN and from ±(2³¹ - 1) steps on.
+    #[inline]
+    pub fn height(&self, u: f64) -> Option<Height> {
+        let h = (u / self.height_step).ceil();
+        // NaN fails both comparisons.
+        if h > -2_147_483_648.0 && h < 2_147_483_647.0 { Some(Height(h as i32)) } else { None }
+    }
+
+    /// CRS units above U = 0.
+    pub fn units(&self, height: Height) -> f64 {
+        f64::from(height.0) * self.height_step
+    }
+
+    /// Height steps in the side of a cell of detail level `level`.
+    pub fn cell_steps(&self, level: u8) -> f64 {
+        self.cell() * f64::from(level).exp2() / self.height_step
+    }
+
     /// Side of a finest cell, CRS units.
     pub fn cell(&self) -> f64 {
         self.base_cell * f64::from(self.coarsen).exp2()
@@ -101,7 +134,7 @@ impl Grid {
     }
 }
 
-/// [`Grid::cell_of`] and [`Height::from_units`] for many ordinary points at a time, without a division where the cell
+/// [`Grid::cell_of`] and [`Grid::height`] for many ordinary points at a time, without a division where the cell
 /// size allows: the same numbers, in loops that a compiler turns into vector instructions.
 pub struct Ordinary {
     cell: f64,
@@ -112,6 +145,8 @@ pub struct Ordinary {
     anchor: [i32; 2],
     /// First cell of the base grid and the one after the last, on each axis.
     range: [[f64; 2]; 2],
+    /// Height steps in a CRS unit: exact, since the step is a power of two.
+    steps_per_unit: f64,
 }
 
 /// Added to a number below 2³¹ it leaves the nearest integer in the low bits.
@@ -135,6 +170,7 @@ impl Ordinary {
             coarsen: grid.coarsen,
             anchor: grid.anchor.map(|a| a as i32),
             range,
+            steps_per_unit: grid.height_step.recip(),
         }
     }
 
@@ -162,10 +198,10 @@ impl Ordinary {
     }
 
     /// Lattice heights of `units`; `false`, and nothing meant, if one has none.
-    pub fn heights(units: &[f64], heights: &mut [Height]) -> bool {
+    pub fn heights(&self, units: &[f64], heights: &mut [Height]) -> bool {
         let mut ordinary = true;
         for (to, &u) in heights.iter_mut().zip(units) {
-            let v = u * HEIGHT_STEPS_PER_UNIT;
+            let v = u * self.steps_per_unit;
             ordinary &= v.abs() < 2_147_483_646.0;
             let near = v + TO_INTEGER;
             *to = Height((near.to_bits() as i32).wrapping_add(i32::from(near - TO_INTEGER < v)));
@@ -199,9 +235,11 @@ mod tests {
             coarsen in 0u32..4,
             whole in -20_000_000i64..20_000_000,
             parts in prop::collection::vec((-2_000i32..2_000, 0u8..4, any::<f64>()), 1..40),
-            u in prop::collection::vec(prop_oneof![-3e6..3e6, Just(f64::NAN), any::<f64>()], 1..4),
+            step in -30i32..30,
+            u in prop::collection::vec((prop_oneof![-3e9..3e9, Just(f64::NAN), any::<f64>()], 0u8..4), 1..9),
         ) {
-            let grid = Grid { base_cell: cell, coarsen, anchor: [(whole >> 8 >> coarsen) << 8, 0] };
+            let height_step = f64::from(step).exp2();
+            let grid = Grid { base_cell: cell, coarsen, anchor: [(whole >> 8 >> coarsen) << 8, 0], height_step };
             let core = [whole - 100_000..whole + 1_000, -1_000..1_000];
             let points = Ordinary::new(&grid, &core);
             for (tenths, kind, any) in parts {
@@ -217,10 +255,23 @@ mod tests {
                     prop_assert_eq!(index[0], grid.cell_of(e, 0.0).unwrap().i);
                 }
             }
-            for u in u {
-                let mut height = [Height(0)];
-                if Ordinary::heights(&[u], &mut height) {
-                    prop_assert_eq!(Some(height[0]), Height::from_units(u));
+            for (steps, kind) in u {
+                let steps: f64 = steps;
+                // On the lattice, beside it, between, anywhere.
+                let on = steps.round() * height_step;
+                let u = [on, on.next_up(), on.next_down(), steps * height_step][usize::from(kind)];
+                let (mut height, one) = ([Height(0)], grid.height(u));
+                let ordinary = points.heights(&[u], &mut height);
+                prop_assert_eq!(ordinary, (u / height_step).abs() < 2_147_483_646.0);
+                if ordinary {
+                    prop_assert_eq!(Some(height[0]), one);
+                }
+                // Below the smallest ordinary numbers a quotient is rounded to 0.
+                if let Some(height) = one.filter(|_| u == 0.0 || u.abs() > 1e-290) {
+                    // At or above, by no more than rounding makes of less than a step.
+                    let above = grid.units(height) - u;
+                    prop_assert!((0.0..=height_step).contains(&above), "{} of {}", above, height_step);
+                    prop_assert_eq!(grid.height(grid.units(height)), Some(height));
                 }
             }
         }
@@ -238,18 +289,49 @@ mod tests {
 
     #[test]
     fn heights_round_up_onto_the_lattice() {
-        assert_eq!(Height::from_units(1.0), Some(Height(1024)));
-        assert_eq!(Height::from_units(1.0001), Some(Height(1025)));
-        assert_eq!(Height::from_units(-1.0001), Some(Height(-1024)));
-        assert_eq!(Height::from_units(f64::NAN), None);
-        assert_eq!(Height::from_units(3e6), None);
-        assert_eq!(Height::from_units(-3e6), None);
+        let grid = Grid { base_cell: 0.5, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
+        assert_eq!(grid.height(1.0), Some(Height(1024)));
+        assert_eq!(grid.height(1.0001), Some(Height(1025)));
+        assert_eq!(grid.height(-1.0001), Some(Height(-1024)));
+        assert_eq!(grid.height(f64::NAN), None);
+        assert_eq!(grid.height(3e6), None);
+        assert_eq!(grid.height(-3e6), None);
+        assert_eq!((grid.cell_steps(0), grid.cell_steps(3)), (512.0, 4096.0));
+    }
+
+    #[test]
+    fn the_step_follows_cells_and_heights() {
+        let step = |cell: f64, low: f64, high: f64| height_step(cell, [low, high]);
+        // Ordinary surveys, and very coarse cells.
+        assert_eq!(step(0.5, -400.0, 8_848.0), Some(HEIGHT_STEP));
+        assert_eq!(step(1.0 / 64.0, 0.0, 0.0), Some(HEIGHT_STEP));
+        assert_eq!(step(1e6, 0.0, 1e6), Some(HEIGHT_STEP));
+        // Small things: 1/256 of a cell, rounded down.
+        assert_eq!(step(1.0 / 128.0, 0.0, 3.0), Some(1.0 / 32_768.0));
+        assert_eq!(step(0.01, 0.0, 3.0), Some(1.0 / 32_768.0));
+        // Millimetres at 3,000 m, centimetres at 10⁸, metres from the centre of the Earth.
+        assert_eq!(step(512.0, 2_990_000.0, 3_010_000.0), Some(2.0));
+        assert_eq!(step(32.0, 99_990_000.0, 100_020_000.0), Some(0.125));
+        assert_eq!(step(0.5, 5e6, 5.1e6), Some(1.0 / 128.0));
+        assert_eq!(step(1.0, -1e8, 1e8), Some(0.125));
+        // 31 bits, to the step.
+        let reach = f64::from(1 << 20);
+        assert_eq!(step(1.0, -reach, reach), Some(HEIGHT_STEP));
+        assert_eq!(step(1.0, 0.0, reach.next_up()), Some(1.0 / 256.0));
+        let reach = f64::from(1 << 22);
+        assert_eq!(step(1.0, 0.0, reach), Some(1.0 / 256.0));
+        assert_eq!(step(1.0, 0.0, reach.next_up()), Some(1.0 / 128.0));
+        // A step as large as a cell, and no larger.
+        assert_eq!(step(1.0, 0.0, f64::from(1 << 30)), Some(1.0));
+        assert_eq!(step(1.0, 0.0, f64::from(1 << 30).next_up()), None);
+        assert_eq!(step(1e-30, 0.0, 0.0).map(|step| step.log2()), Some(-108.0));
+        assert_eq!(step(1e-320, 0.0, 0.0), None);
     }
 
     #[test]
     fn coarsening_equals_a_shift_of_the_fine_index() {
-        let fine = Grid { base_cell: 0.3, coarsen: 0, anchor: [0, 0] };
-        let coarse = Grid { base_cell: 0.3, coarsen: 1, anchor: [0, 0] };
+        let fine = Grid { base_cell: 0.3, coarsen: 0, anchor: [0, 0], height_step: HEIGHT_STEP };
+        let coarse = Grid { coarsen: 1, ..fine };
         for k in -2000..2000 {
             let e = f64::from(k) * 0.1;
             let (f, g) = (fine.cell_of(e, -e).unwrap(), coarse.cell_of(e, -e).unwrap());
@@ -259,7 +341,8 @@ mod tests {
 
     #[test]
     fn a_far_northing_is_a_small_index() {
-        let grid = Grid { base_cell: 0.5, coarsen: 0, anchor: [1_000_192, 12_000_000] };
+        let grid =
+            Grid { base_cell: 0.5, coarsen: 0, anchor: [1_000_192, 12_000_000], height_step: HEIGHT_STEP };
         assert_eq!(grid.cell_of(500_100.0, 6_000_000.25), Some(CellIndex { i: 8, j: 0 }));
         assert_eq!(grid.cell_of(f64::INFINITY, 0.0), None);
         assert_eq!(grid.cell_of(1e12, 0.0), None);

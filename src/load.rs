@@ -2,7 +2,7 @@
 
 use crate::attribute::AttributeSummary;
 use crate::attribute::{ColorMode, Kinds};
-use crate::coords::{CELL_LIMIT, Grid, SectionKey, tidy};
+use crate::coords::{CELL_LIMIT, Grid, HEIGHT_REACH, SectionKey, height_step, tidy};
 use crate::problems::Problems;
 use crate::render::camera::Bounds;
 use crate::sample::{self, FileSample, Opened, RgbDepth};
@@ -66,6 +66,21 @@ pub enum LoadError {
     /// Coordinates that no cell size makes countable.
     #[error("nothing to draw: coordinates reach to {0:e} units, no grid can hold that")]
     TooWide(f64),
+    /// Heights that no lattice holds beside such cells.
+    #[error(
+        "heights reach from {} to {} units, too far from 0 to be told apart in steps of a cell of {}",
+        tidy(*low),
+        tidy(*high),
+        tidy(*cell)
+    )]
+    TooHigh {
+        /// Lowest of most heights, CRS units.
+        low: f64,
+        /// Highest of them.
+        high: f64,
+        /// Side of a cell, CRS units.
+        cell: f64,
+    },
     /// Even the coarsest cells do not fit.
     #[error(
         "the sections do not fit {} of host and {} of device memory at any cell size",
@@ -107,15 +122,19 @@ fn spans(bounds: &Bounds) -> [f64; 2] {
 /// `chosen`, or the smallest power of two above it whose grid holds the data.
 pub(crate) fn auto_cell(chosen: f64, bounds: &Bounds) -> Result<f64, LoadError> {
     let [extent, reach] = spans(bounds);
-    let least = (extent / EXTENT_CELLS).max(reach / REACH_CELLS);
+    let mut least = (extent / EXTENT_CELLS).max(reach / REACH_CELLS);
+    if extent <= chosen {
+        // All of it lies in a cell or two, however large: one beside which heights can be held.
+        least = least.max(bounds.max.z.abs().max(bounds.min.z.abs()) / HEIGHT_REACH);
+    }
     if least > 1e15 || !extent.is_finite() {
         return Err(LoadError::TooWide(reach));
     }
     Ok(if chosen >= least { chosen } else { least.log2().ceil().exp2() })
 }
 
-/// The grid of `cell`, anchored near the data so that cells are counted in i32.
-pub(crate) fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
+/// An error where cells of `cell` would be too many.
+fn check_cell(cell: f64, bounds: &Bounds) -> Result<(), LoadError> {
     let [extent, reach] = spans(bounds);
     let limits = [("an extent of", extent, EXTENT_CELLS), ("coordinates of", reach, REACH_CELLS)];
     for (what, length, most) in limits {
@@ -123,11 +142,19 @@ pub(crate) fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
             return Err(LoadError::TooFine { cell, what, length, most });
         }
     }
+    Ok(())
+}
+
+/// The grid of `cell`, anchored near the data so that cells are counted in i32, and with the step of their heights.
+pub(crate) fn grid(cell: f64, bounds: &Bounds) -> Result<Grid, LoadError> {
+    check_cell(cell, bounds)?;
     // A multiple that stays one of a section's side through every coarsening.
     const ANCHOR: f64 = (1 << 28) as f64;
     let middle = bounds.center();
     let anchor = [middle.x, middle.y].map(|v| ((v / cell) / ANCHOR).floor() as i64 * ANCHOR as i64);
-    Ok(Grid { base_cell: cell, coarsen: 0, anchor })
+    let (low, high) = (bounds.min.z, bounds.max.z);
+    let height_step = height_step(cell, [low, high]).ok_or(LoadError::TooHigh { low, high, cell })?;
+    Ok(Grid { base_cell: cell, coarsen: 0, anchor, height_step })
 }
 
 /// Cells that the data lies in: the bounds, and as much again on every side.
@@ -242,15 +269,19 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         }
         return Err(LoadError::Nothing("no point is left"));
     };
-    let bounds = Bounds { min: bounds.min, max: bounds.max }.snapped();
+    let bounds = Bounds { min: bounds.min, max: bounds.max };
     let cell = match options.cell {
         Some(cell) => cell,
         None => auto_cell(sample.cell.cell, &bounds)?,
     };
+    check_cell(cell, &bounds)?;
+    let (too_high, bounds) = without_too_high(&opened, &sample, cell, bounds, problems)?;
+    let grid = grid(cell, &bounds)?;
+    let bounds = bounds.snapped(grid.height_step);
 
     let mut inputs = Vec::new();
     for (index, opened) in opened.into_iter().enumerate() {
-        if let Some(placement) = sample.world.placements[index].clone() {
+        if let Some(placement) = sample.world.placements[index].clone().filter(|_| !too_high[index]) {
             let rgb = match (sample.files[index].rgb, options.rgb_bits) {
                 (_, Some(8)) => RgbDepth::Eight,
                 (_, Some(_)) => RgbDepth::Sixteen,
@@ -280,7 +311,35 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         base: sample.world.base,
         cell,
     };
-    Ok(Opening { inputs, grid: grid(cell, &bounds)?, core: core(cell, &bounds), about })
+    Ok(Opening { inputs, grid, core: core(cell, &bounds), about })
+}
+
+/// Which files are left out since no step holds their heights, which is said, and the box of the others; `bounds`, of all,
+/// where there is none.
+fn without_too_high(
+    opened: &[Opened],
+    sample: &sample::Sample,
+    cell: f64,
+    bounds: Bounds,
+    problems: &mut Problems,
+) -> Result<(Vec<bool>, Bounds), LoadError> {
+    let (mut too_high, mut held) = (vec![false; opened.len()], None);
+    for ((file, opened), too_high) in sample.files.iter().zip(opened).zip(&mut too_high) {
+        let Some(bounds) = file.bounds else { continue };
+        let (low, high) = (bounds.min.z, bounds.max.z);
+        if height_step(cell, [low, high]).is_some() {
+            held = Some(held.map_or(bounds, |held| bounds.union(held)));
+        } else {
+            *too_high = true;
+            let path = opened.file.path().display();
+            problems.error(format!("{path}: {}", LoadError::TooHigh { low, high, cell }));
+        }
+    }
+    if !too_high.contains(&true) {
+        return Ok((too_high, bounds));
+    }
+    let held = held.ok_or(LoadError::Nothing("no point is left"))?;
+    Ok((too_high, Bounds { min: held.min, max: held.max }))
 }
 
 /// What was learned before, and what spatial indices tell.
@@ -340,9 +399,11 @@ pub fn tiles_of(
         (low + synth::ORIGIN[axis], high + synth::ORIGIN[axis])
     };
     let ((west, east), (south, north)) = (side(0), side(1));
-    let flat = Bounds { min: DVec3::new(west, south, 0.0), max: DVec3::new(east, north, 0.0) };
+    // No town is higher.
+    let flat = Bounds { min: DVec3::new(west, south, 0.0), max: DVec3::new(east, north, 1000.0) };
     let cell = options.cell.unwrap_or(0.5);
-    let bins = Bins::new(grid(cell, &flat)?, core(cell, &flat), options.budget);
+    let grid = grid(cell, &flat)?;
+    let bins = Bins::new(grid, core(cell, &flat), options.budget);
     let progress = Progress::default();
     let sampled = std::sync::Mutex::new(crate::attribute::AttributeSample::default());
     watched(tiles.iter().map(|t| t.points).sum(), options.quiet, &progress, || {
@@ -358,7 +419,7 @@ pub fn tiles_of(
                             let mut sampled = sampled.lock().unwrap_or_else(|e| e.into_inner());
                             for i in (0..scan.len()).step_by(32) {
                                 let p = &scan.points;
-                                let height = crate::coords::Height::from_units(Scan.world(p, i).z);
+                                let height = grid.height(Scan.world(p, i).z);
                                 if let Some(height) = height
                                     && !sample::hidden_by_default(p.class[i], p.flags[i])
                                 {
@@ -379,7 +440,7 @@ pub fn tiles_of(
             }
         });
     });
-    let summary = sampled.into_inner().unwrap_or_else(|e| e.into_inner()).summary();
+    let summary = sampled.into_inner().unwrap_or_else(|e| e.into_inner()).summary(&grid);
     let bounds =
         Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
     let points = progress.points.into_inner();

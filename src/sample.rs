@@ -20,7 +20,6 @@ pub use frame::{Bounds, FrameNote};
 pub use rgb::RgbDepth;
 
 use crate::attribute::{AttributeSummary, Kinds, Spread};
-use crate::coords::Height;
 use crate::source::crs::{self, Crs, CrsError};
 use crate::source::known::{Known, Told};
 use crate::source::placement::{FileFacts, Placement, PlacementOptions, World};
@@ -235,7 +234,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         let placement = world.placements[index].as_ref()?;
         let placed = weighted[index].iter().filter(|(seen, _)| shown(seen));
         let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
-        let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| drawable(*point)).collect();
+        let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| point.is_finite()).collect();
         let file = &files[index].file;
         // Points that are all known need no header; a header that leaves out the few that are known is wrong. A box
         // that was turned is wider than what is in it: where points tell enough it is not needed.
@@ -253,7 +252,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         for &(seen, weight) in points {
             kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
             let at = place(file, seen);
-            if shown(seen) && drawable(at) && framed[file].keeps(at) {
+            if shown(seen) && at.is_finite() && framed[file].keeps(at) {
                 shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
             }
         }
@@ -476,11 +475,6 @@ fn spread(values: impl Iterator<Item = (f64, f64)>) -> Spread {
     Spread { min, max, p2, p98 }
 }
 
-/// Whether some cell and height can hold a world point.
-fn drawable(point: DVec3) -> bool {
-    point.is_finite() && Height::from_units(point.z).is_some()
-}
-
 /// Header bounds in the world, where points of the file can lie at them.
 fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
     let (min, max) = (file.header.min, file.header.max);
@@ -492,7 +486,7 @@ fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
         return None;
     }
     let [min, max] = placement.bounds(min, max)?;
-    Bounds::new(min, max).filter(|bounds| drawable(bounds.min) && drawable(bounds.max))
+    Bounds::new(min, max)
 }
 
 /// The value below which `share` of the weight lies; sorts `values` (value, weight).

@@ -403,10 +403,14 @@ fn bad_files() -> Vec<Case> {
         ),
         Case::file(
             "high.las",
-            with(las(300), 171, &f(1e9)),
+            with(las(300), 147, &f(1e6)),
             1,
-            &["high.las: none of 300 points lies where a cell and a height can hold it", "nothing to draw"],
+            &[
+                "high.las: heights reach from ",
+                " units, too far from 0 to be told apart in steps of a cell of ",
+            ],
         ),
+        Case::file("mountain.las", with(las(300), 171, &f(1e8)), 0, &[]),
         Case::file(
             "chunk.laz",
             broken_chunk(),
@@ -539,6 +543,10 @@ fn wrong_arguments() {
         (&["--size", "4294967295x4294967295"], "4294967295x4294967295 pixels is too large for the device"),
         (&["--size", "4294967295x1"], "4294967295x1 pixels is too large for the device"),
         (&["--ortho", "1e-9"], "give --size, or more units"),
+        (
+            &["--ortho", "1e9", "--size", "64x36"],
+            "units wide where the data begins, more than 2^30 cells of ",
+        ),
         (&["--classes", "256"], "class 256 is out of range: classes are 0 to 255"),
         (&["--classes", "7-3"], "7 is above 3"),
         (&["--hide", "ground"], "'ground' is not a class"),

@@ -7,7 +7,6 @@ mod broken;
 mod made;
 
 use lasray::attribute::{ColorMode, ColorTable};
-use lasray::coords::Height;
 use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, DEFAULT_ORBIT, Projection};
@@ -50,14 +49,14 @@ fn check(paths: &[PathBuf], cell: Option<f64>, mix_crs: bool) -> Result<Option<u
             prop_assert!(loaded.about.bounds.min.is_finite() && loaded.about.bounds.max.is_finite());
             prop_assert!(loaded.grid.cell() > 0.0 && loaded.grid.cell().is_finite());
             prop_assert!(
-                Height::from_units(loaded.about.bounds.center().z).is_some(),
+                loaded.grid.height(loaded.about.bounds.center().z).is_some(),
                 "{:?}",
                 loaded.about.bounds
             );
             Camera::frame(&loaded.about.bounds, DEFAULT_ORBIT, Projection::default(), [64, 36])
                 .map_err(|e| TestCaseError::fail(e.to_string()))?;
             for mode in [ColorMode::Rgb, ColorMode::Height, ColorMode::Class, ColorMode::Intensity] {
-                ColorTable::new(mode, &loaded.about.summary, None, None)
+                ColorTable::new(mode, &loaded.about.summary, &loaded.grid, None, None)
                     .map_err(|e| TestCaseError::fail(e.to_string()))?;
             }
             prop_assert!(!loaded.sections.is_empty());

@@ -2,7 +2,7 @@
 
 mod made;
 
-use lasray::coords::Grid;
+use lasray::coords::{Grid, HEIGHT_STEP};
 use lasray::sample::{self, RgbDepth};
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::source::{Decoder, LidarFile};
@@ -90,7 +90,7 @@ fn endless_gps_time_switches_do_not_overflow_the_stack() {
 
 /// Reads `file` into bins; gives the points that arrived and what was said.
 fn read(file: LidarFile) -> (u64, Vec<String>) {
-    let grid = Grid { base_cell: 1.0, coarsen: 0, anchor: [0, 0] };
+    let grid = Grid { base_cell: 1.0, coarsen: 0, anchor: [0, 0], height_step: HEIGHT_STEP };
     let everywhere = [i64::MIN / 2..i64::MAX / 2, i64::MIN / 2..i64::MAX / 2];
     let bins = Bins::new(grid, everywhere, Budget { host_bytes: 1 << 30, device_bytes: 1 << 30 });
     let progress = Progress::default();

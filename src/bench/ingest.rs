@@ -4,7 +4,8 @@
 
 use super::cache;
 pub use super::report::{Cache, IngestKind, IngestRow, IngestSample};
-use crate::load;
+use crate::coords::Grid;
+use crate::load::{self, LoadError};
 use crate::render::camera::Bounds;
 use crate::sample;
 use crate::source::placement::PlacementOptions;
@@ -113,13 +114,19 @@ impl Case {
         let placed = sample.bounds.zip(sample.world.placements[0].clone());
         let (bounds, placement) =
             placed.with_context(|| format!("{}: no point can be drawn", path.display()))?;
-        let bounds = Bounds { min: bounds.min, max: bounds.max }.snapped();
+        let bounds = Bounds { min: bounds.min, max: bounds.max };
         let cell = match cell {
             Some(cell) => cell,
             None => load::auto_cell(sample.cell.cell, &bounds)?,
         };
         let [opened] = opened;
+        let bounds = bounds.snapped(load::grid(cell, &bounds)?.height_step);
         Ok(Case { input: [Input { file: opened.file, placement, rgb: sample.files[0].rgb }], bounds, cell })
+    }
+
+    /// Of its cells and heights.
+    pub fn grid(&self) -> Result<Grid, LoadError> {
+        load::grid(self.cell, &self.bounds)
     }
 
     fn file(&self) -> &LidarFile {
@@ -153,8 +160,7 @@ impl Case {
     /// Seconds from points to finished sections, and of all threads together in reads, decoding and binning.
     fn ingest(&self, threads: u32) -> anyhow::Result<[f64; 4]> {
         let budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
-        let bins =
-            Bins::new(load::grid(self.cell, &self.bounds)?, load::core(self.cell, &self.bounds), budget);
+        let bins = Bins::new(self.grid()?, load::core(self.cell, &self.bounds), budget);
         let progress = Progress::default();
         let start = Instant::now();
         let errors = read_all(&self.input, &bins, threads as usize, &progress);

@@ -7,6 +7,7 @@
 
 use super::ingest::Case;
 use super::report::{LoadRow, Stat};
+use crate::attribute::ClassMask;
 use crate::gpu::{Gpu, Order};
 use crate::load;
 use crate::source::Decoder;
@@ -14,7 +15,6 @@ use crate::stream::bins::{Bins, Budget, Meaning};
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
 use crate::stream::workers::{Input, Progress, read_all};
-use crate::{attribute::ClassMask, coords::Grid};
 use anyhow::{Context, ensure};
 use std::path::Path;
 use std::sync::Barrier;
@@ -133,7 +133,7 @@ fn thesis(case: &Case, side: usize, levels: u32, stop: &AtomicBool) -> anyhow::R
 
 /// Seconds to read and bin, to pack, copy and derive until the device has all, and of those to pack. The scene is empty before and after.
 fn ours(scene: &mut Scene, case: &Case, threads: usize) -> anyhow::Result<[f64; 3]> {
-    let grid: Grid = load::grid(case.cell, &case.bounds)?;
+    let grid = case.grid()?;
     let begin = Instant::now();
     let budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
     let bins = Bins::new(grid, load::core(case.cell, &case.bounds), budget);
@@ -188,7 +188,7 @@ pub fn run(
     // One scene for all runs: drivers compile on first use.
     let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
     let bytes = POOL_BYTES.min(gpu.info().memory_bytes / 8 * 7);
-    let mut scene = Scene::new(gpu, |order: Order| order, Access::Address, bytes, seen, cell)?;
+    let mut scene = Scene::new(gpu, |order: Order| order, Access::Address, bytes, seen, case.grid()?)?;
     ours(&mut scene, &case, threads)?;
     let [mut middle, mut all, mut open, mut read, mut upload, mut pack, mut total] =
         [const { Vec::new() }; 7];

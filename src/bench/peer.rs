@@ -4,7 +4,6 @@ use super::frames;
 use super::pool::Pool;
 use super::report::{PeerRow, Stat};
 use super::world::World;
-use crate::coords::HEIGHT_STEPS_PER_UNIT;
 use crate::gpu::Gpu;
 use crate::render::camera::{Camera, Projection};
 use embree3::{
@@ -190,7 +189,7 @@ pub fn run(
     let low = world.corner();
     let window = [low, low.map(|c| c + side as i32)];
     let west_south = [0, 1].map(|a| (i64::from(low[a]) + world.grid.anchor[a]) as f64 * cell);
-    let origin = glam::DVec3::new(west_south[0], west_south[1], world.anchor.units());
+    let origin = glam::DVec3::new(west_south[0], west_south[1], world.grid.units(world.anchor));
 
     let mut heights = vec![0.0; side as usize * side as usize];
     let mut colors = vec![0; side as usize];
@@ -198,7 +197,7 @@ pub fn run(
         world.row([low[0], y], row, &mut colors);
     }
     for height in &mut heights {
-        *height = if height.is_finite() { *height / HEIGHT_STEPS_PER_UNIT as f32 } else { f32::NAN };
+        *height = if height.is_finite() { *height * world.grid.height_step as f32 } else { f32::NAN };
     }
     let field = HeightField { side_cells: side, cell, heights };
 

@@ -47,8 +47,7 @@ impl Pool {
         let side = u64::from(cells.div_ceil(1 << SECTION_LOG2)) + 3;
         let count = side * (side + 2 * u64::from(AHEAD));
         let access = Access::best(gpu, count * world.mean_derived_bytes());
-        let cell = world.grid.cell();
-        let mut scene = Scene::new(gpu, |o: Order| o, access, budget, world.visibility, cell)?;
+        let mut scene = Scene::new(gpu, |o: Order| o, access, budget, world.visibility, world.grid)?;
         scene.time();
         let renderer = Renderer::new(&scene, world.grid, world.anchor)?;
         let clock = Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?;

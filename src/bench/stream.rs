@@ -8,7 +8,6 @@ use super::frames::Stopped;
 use super::ms;
 use super::report::{Stat, StreamFrames, StreamKind, StreamRow};
 use crate::attribute::{ClassMask, ColorTable};
-use crate::coords::Height;
 use crate::gpu::{Gpu, Order, QueueKind, Timestamps};
 use crate::load::{self, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
@@ -171,10 +170,10 @@ impl<'a> Case<'a> {
         // Derived parts are less than half of what sections take.
         let access = Access::best(gpu, options.device_bytes / 2);
         let cell = grid.cell();
-        let mut scene = Scene::new(gpu, |order: Order| order, access, options.device_bytes, seen, cell)?;
+        let mut scene = Scene::new(gpu, |order: Order| order, access, options.device_bytes, seen, grid)?;
         scene.time();
         let middle = about.bounds.center().z;
-        let anchor = Height::from_units(middle).context("heights are beyond what can be drawn")?;
+        let anchor = grid.height(middle).context("heights are beyond what can be drawn")?;
         Ok(Case {
             name: name.into(),
             files,
@@ -182,7 +181,7 @@ impl<'a> Case<'a> {
             floor: about.floor(cell),
             points,
             cell,
-            colors: ColorTable::new(about.color, &about.summary, None, None)?,
+            colors: ColorTable::new(about.color, &about.summary, &grid, None, None)?,
             about,
             renderer: Renderer::new(&scene, grid, anchor)?,
             clock: Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?,

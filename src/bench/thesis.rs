@@ -284,7 +284,7 @@ impl Thesis {
     }
 
     fn trace(&mut self, view: &View, world: &World, read: bool) -> Result<crate::gpu::SyncPoint, FrameError> {
-        let rays = Rays::of(view, world.grid.cell())?;
+        let rays = Rays::of(view, &world.grid, world.anchor)?;
         let [low, high] = view.window.expect("a camera section");
         let constants = FrameConstants::new(view, &rays, &world.grid, world.anchor).over(
             [&self.heights, &self.hits, &self.image, &self.colors],

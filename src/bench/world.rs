@@ -54,7 +54,7 @@ impl World {
     pub fn new(loaded: Loaded, visibility: Visibility, colors: ColorTable) -> World {
         let Loaded { grid, sections, about, .. } = loaded;
         let bounds = about.bounds;
-        let anchor = Height::from_units(bounds.center().z).expect("bounds of points that have heights");
+        let anchor = grid.height(bounds.center().z).expect("bounds of points that have heights");
         let side = f64::from(SECTION_SIDE) * grid.cell();
         let index = |v: f64, axis: usize| {
             ((v / side).floor() - grid.anchor[axis] as f64 / f64::from(SECTION_SIDE)) as i32
@@ -117,7 +117,7 @@ impl World {
         let mut some: Vec<_> = self.tops.iter().step_by(step).copied().filter(|t| t.is_finite()).collect();
         some.sort_by(f32::total_cmp);
         let highest = self.tops.iter().copied().fold(f32::NEG_INFINITY, f32::max);
-        let units = |steps: f32| Height(steps as i32 + self.anchor.0).units();
+        let units = |steps: f32| self.grid.units(Height(steps as i32 + self.anchor.0));
         [some.get(some.len() / 2).copied().unwrap_or(0.0), highest].map(units)
     }
 

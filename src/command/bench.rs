@@ -363,7 +363,7 @@ fn world(
     let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
     let loaded = loaded?;
     let base = loaded.about.base;
-    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, None, None)?;
+    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, &loaded.grid, None, None)?;
     let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
     Ok((World::new(loaded, seen, colors), base))
 }

@@ -6,6 +6,7 @@ mod text;
 use super::placement::PlacementArgs;
 use super::{Outcome, check_targets};
 use crate::attribute::ColorMode;
+use crate::coords::height_step;
 use crate::gpu::{DeviceInfo, list_devices};
 use crate::output::{Protected, Signed, Target, print};
 use crate::problems::Problems;
@@ -162,6 +163,8 @@ struct Total {
     density: f64,
     /// What `--cell auto` comes to, world units.
     cell: f64,
+    /// Step of the heights' lattice beside such cells, world units; none where there is none.
+    height_step: Option<f64>,
     /// Share of the ground's cells that hold a point at that size.
     coverage: f64,
     /// What `--color auto` comes to.
@@ -360,6 +363,7 @@ fn total(sample: &Sample, reports: &[FileReport]) -> Total {
         unit: sample.world.unit.clone(),
         density: sample.cell.density,
         cell: sample.cell.cell,
+        height_step: sample.bounds.and_then(|b| height_step(sample.cell.cell, [b.min.z, b.max.z])),
         coverage: sample.cell.coverage,
         color: ColorMode::auto(attributes).name(),
         height_p2_p98: [attributes.height.p2, attributes.height.p98],

@@ -5,14 +5,14 @@ mod frames;
 use super::placement::PlacementArgs;
 use super::{Outcome, UsageError, check_targets};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, Kinds, Ramp};
-use crate::coords::{Height, SectionKey, tidy};
+use crate::coords::{Grid, SectionKey, tidy};
 use crate::gpu::{Gpu, GpuError, GpuOptions, Order};
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::output::{self, Output, Protected, Signed, Target};
 use crate::problems::Problems;
 use crate::render::camera::{Bounds, Camera, DEFAULT_FOV, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, View, check_size};
-use crate::render::image::{Format, Image, SideFiles, WorldFile};
+use crate::render::image::{Format, Image, SideFiles, WorldFile, notes};
 use crate::render::path::CameraPath;
 use crate::render::sight::sight;
 use crate::section::{Columns, Packed};
@@ -600,7 +600,8 @@ fn draw(
     let slab = Bounds { min: bounds.min.with_z(floor), ..bounds };
     let framed = if args.shade == Shade::Lit { slab.exaggerated(args.z_scale, pivot) } else { shown };
     // A map is of the points' extent; in a view, the cells of a few points reach far beyond it.
-    let framed = if args.ortho.is_none() { framed.of_cells(grid.cell()) } else { framed };
+    let framed =
+        if args.ortho.is_none() { framed.of_cells(grid.cell()) } else { framed.at_least(grid.cell()) };
     let (cameras, size) = match film {
         Some(film) => (film.cameras(place)?, args.size.unwrap_or([1280, 720])),
         None => camera(args, &framed, place).map(|(camera, size)| (vec![camera], size))?,
@@ -617,7 +618,7 @@ fn draw(
             Content::Live(..) => pool_bytes / 2,
         },
     );
-    let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility(args), grid.cell())?;
+    let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility(args), grid)?;
     let (mut live, points, sections) = match content {
         Content::Whole(sections, points) => {
             let count = sections.len();
@@ -642,8 +643,8 @@ fn draw(
     };
 
     let mode = args.color.0.unwrap_or(color);
-    let colors =
-        ColorTable::new(mode, &summary, args.ramp, args.range).map_err(|e| UsageError(e.to_string()))?;
+    let colors = ColorTable::new(mode, &summary, &grid, args.ramp, args.range)
+        .map_err(|e| UsageError(e.to_string()))?;
     if let Some(constant) = &colors.constant
         && !args.quiet
     {
@@ -668,10 +669,10 @@ fn draw(
         traversal: if args.plain { Traversal::Plain } else { Traversal::Fast },
         window: None,
     };
-    let anchor = Height::from_units(bounds.center().z).context("heights are beyond what can be drawn")?;
+    let anchor = grid.height(bounds.center().z).context("heights are beyond what can be drawn")?;
     let mut renderer = Renderer::new(&scene, grid, anchor)?;
     // Solid columns are seen from below, too.
-    let seen_down_to = if args.shade == Shade::Lit { floor } else { bounds.min.z - 1e6 };
+    let seen_down_to = if args.shade == Shade::Lit { floor } else { bounds.solid_down_to() };
     let side = film.is_none().then(|| {
         let world = args.ortho.and_then(|_| {
             // In the world's own coordinates, degrees among them, not in those that are drawn.
@@ -718,7 +719,7 @@ fn draw(
             anyhow::bail!("nothing to draw: {why}");
         }
         let image = renderer.draw_table(&mut scene, &view, &table).map_err(usage)?;
-        write(&image, &view, Output::over(output, protected), &beside)
+        write(&image, &view, &grid, Output::over(output, protected), &beside)
     };
     match film {
         Some(film) => draw_film(film, &cameras, args.quiet, picture)?,
@@ -817,12 +818,13 @@ fn draw_film(
 }
 
 /// Writes a picture; `beside`: what it says of its side files.
-fn write(image: &Image, view: &View, output: Output, beside: &str) -> anyhow::Result<()> {
-    let [e, t] =
-        [view.camera.eye(), view.camera.target()].map(|v| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z));
-    let notes = [("Eye", e.as_str()), ("Target", t.as_str()), ("Beside", beside)];
-    let notes = if beside.is_empty() { &notes[..2] } else { &notes[..] };
-    image.write(output, view.background == Background::None, notes)?;
+fn write(image: &Image, view: &View, grid: &Grid, output: Output, beside: &str) -> anyhow::Result<()> {
+    let of_view = notes(view.camera, grid);
+    let mut notes: Vec<_> = of_view.iter().map(|(key, value)| (*key, value.as_str())).collect();
+    if !beside.is_empty() {
+        notes.push(("Beside", beside));
+    }
+    image.write(output, view.background == Background::None, &notes)?;
     Ok(())
 }
 
@@ -868,9 +870,8 @@ fn camera(
 
 /// Pixels that show all of `bounds` at `units` a pixel.
 fn ortho_size(bounds: &Bounds, angles: [f64; 2], units: f64) -> anyhow::Result<[u32; 2]> {
-    let looking =
-        Camera::orbit(bounds.center(), angles, 1.0, Projection::Orthographic { units_per_pixel: units })
-            .map_err(|e| UsageError(e.to_string()))?;
+    let looking = Camera::looking(DVec3::ZERO, angles, Projection::Orthographic { units_per_pixel: units })
+        .map_err(|e| UsageError(e.to_string()))?;
     let half = (bounds.max - bounds.min) * 0.5;
     // Extent of a box along an axis.
     let along = |axis: DVec3| 2.0 * half.dot(axis.abs());

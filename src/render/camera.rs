@@ -1,5 +1,6 @@
 //! The camera, in world coordinates, and the rays of its pixels. All f64.
 
+use crate::coords::tidy;
 use glam::DVec3;
 
 /// Share of the picture's half-width and half-height that framed data fill.
@@ -8,9 +9,9 @@ const FRAME_FILL: f64 = 0.96;
 /// Least depth of framed data, in radii of their box.
 const NEAREST: f64 = 0.05;
 
-/// Places of a camera lie on a lattice of this many steps a CRS unit: the same picture then has the same rays
-/// bit by bit wherever in its CRS the data lies.
-const STEPS_PER_UNIT: f64 = (1 << 20) as f64;
+/// Eyes, as rays start there, lie on a lattice of so many steps in one of the heights' lattice: the same picture then
+/// has the same rays bit by bit wherever in its CRS the data lies.
+const STEPS_PER_HEIGHT_STEP: f64 = 1024.0;
 
 /// Vertical field of view when none is asked for, degrees.
 pub const DEFAULT_FOV: f64 = 45.0;
@@ -48,6 +49,19 @@ pub enum CameraError {
     /// Image without pixels.
     #[error("image size is {0}x{1}: neither may be 0")]
     Size(u32, u32),
+    /// The picture takes in more than rays can be counted over.
+    #[error(
+        "from so far away the picture is {} units wide where the data begins, more than 2^30 cells of {}: \
+         take the camera nearer, a narrower field of view, or fewer units a pixel",
+        tidy(*width),
+        tidy(*cell)
+    )]
+    TooWide {
+        /// Its longer side, CRS units.
+        width: f64,
+        /// Side of a cell, CRS units.
+        cell: f64,
+    },
 }
 
 fn triple(v: &DVec3) -> String {
@@ -67,8 +81,9 @@ fn finite3(names: [&'static str; 3], v: DVec3) -> Result<DVec3, CameraError> {
     Ok(v)
 }
 
-fn on_lattice(v: DVec3) -> DVec3 {
-    (v * STEPS_PER_UNIT).round() / STEPS_PER_UNIT
+/// To the nearest multiple of `step`, a power of two.
+fn on_lattice(v: DVec3, step: f64) -> DVec3 {
+    (v / step).round() * step
 }
 
 /// An axis-parallel box in world coordinates.
@@ -86,10 +101,22 @@ impl Bounds {
         self.min + (self.max - self.min) * 0.5
     }
 
-    /// The same to the nearest 2⁻¹⁰ CRS unit, so that its size does not depend on where it lies.
-    pub fn snapped(&self) -> Bounds {
-        let snap = |v: DVec3| (v * 1024.0).round() / 1024.0;
-        Bounds { min: snap(self.min), max: snap(self.max) }
+    /// The same to the nearest multiple of `step`, a power of two, so that its size does not depend on where it lies.
+    pub fn snapped(&self, step: f64) -> Bounds {
+        Bounds { min: on_lattice(self.min, step), max: on_lattice(self.max, step) }
+    }
+
+    /// The same, grown evenly on all sides until its longest side is at least `side`: what is smaller than a cell is
+    /// drawn as large as one.
+    pub fn at_least(&self, side: f64) -> Bounds {
+        let grown = (0.5 * (side - (self.max - self.min).max_element())).max(0.0);
+        Bounds { min: self.min - grown, max: self.max + grown }
+    }
+
+    /// How far down the sides of columns in the box, which have no end, are looked for: as far as a picture of the box
+    /// shows any.
+    pub fn solid_down_to(&self) -> f64 {
+        self.min.z - 1000.0 * (self.max - self.min).max_element()
     }
 
     /// The box out to the borders of the cells of `cell` that it touches: what is drawn of points that lie in it.
@@ -199,7 +226,10 @@ fn sin_cos_degrees(angle: f64) -> (f64, f64) {
 /// exaggeration), no roll, z up; straight down has north on top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
-    eye: DVec3,
+    /// A place that the data or the user gives: the eye itself, what is turned about, or the middle of what is framed.
+    from: DVec3,
+    /// From there to the eye. Apart, since it is the same wherever in its CRS the data lies.
+    offset: DVec3,
     target: DVec3,
     axes: Axes,
     projection: Projection,
@@ -210,13 +240,12 @@ impl Camera {
     pub fn look_at(eye: DVec3, target: DVec3, projection: Projection) -> Result<Camera, CameraError> {
         finite3(["eye E", "eye N", "eye U"], eye)?;
         finite3(["target E", "target N", "target U"], target)?;
-        let (eye, target) = (on_lattice(eye), on_lattice(target));
         let distance = finite("distance from eye to target", (target - eye).length())?;
         if distance == 0.0 {
             return Err(CameraError::EyeIsTarget(eye));
         }
         let axes = Axes::from_direction((target - eye) / distance);
-        Ok(Camera { eye, target, axes, projection: projection.check()? })
+        Ok(Camera { from: eye, offset: DVec3::ZERO, target, axes, projection: projection.check()? })
     }
 
     /// Looks at `target` from `distance` (CRS units) away. `angles`: azimuth, the direction the camera
@@ -229,21 +258,19 @@ impl Camera {
     ) -> Result<Camera, CameraError> {
         finite3(["target E", "target N", "target U"], target)?;
         let axes = Axes::from_angles(angles)?;
-        let target = on_lattice(target);
-        let eye = target - on_lattice(axes.forward * positive("distance", distance)?);
-        finite3(["eye E", "eye N", "eye U"], eye)?;
+        let offset = -(axes.forward * positive("distance", distance)?);
+        let eye = finite3(["eye E", "eye N", "eye U"], target + offset)?;
         if eye == target {
             return Err(CameraError::EyeIsTarget(eye));
         }
-        Ok(Camera { eye, target, axes, projection: projection.check()? })
+        Ok(Camera { from: target, offset, target, axes, projection: projection.check()? })
     }
 
     /// Looks from `eye` in the direction of `angles` (as in [`Camera::orbit`]); the target is one unit ahead.
     pub fn looking(eye: DVec3, angles: [f64; 2], projection: Projection) -> Result<Camera, CameraError> {
         finite3(["eye E", "eye N", "eye U"], eye)?;
-        let (eye, axes) = (on_lattice(eye), Axes::from_angles(angles)?);
-        finite3(["eye E", "eye N", "eye U"], eye)?;
-        Ok(Camera { eye, target: eye + axes.forward, axes, projection: projection.check()? })
+        let (axes, offset) = (Axes::from_angles(angles)?, DVec3::ZERO);
+        Ok(Camera { from: eye, offset, target: eye + axes.forward, axes, projection: projection.check()? })
     }
 
     /// Looks in the direction of `angles` (as in [`Camera::orbit`]) from where the whole box just fits
@@ -259,10 +286,10 @@ impl Camera {
         finite3(["bounds: west", "bounds: south", "bounds: bottom"], bounds.min)?;
         finite3(["bounds: east", "bounds: north", "bounds: top"], bounds.max)?;
         let axes = Axes::from_angles(angles)?;
-        let center = on_lattice(bounds.center());
+        let center = bounds.center();
         // A lone point is framed as a box of one unit.
-        let grown = (0.5 - 0.5 * (bounds.max - bounds.min).max_element()).max(0.0);
-        let corners = Bounds { min: bounds.min - grown, max: bounds.max + grown }.corners();
+        let is_point = bounds.min == bounds.max;
+        let corners = bounds.at_least(if is_point { 1.0 } else { 0.0 }).corners();
         // Right, up and forward of the middle: small numbers, whatever the northing.
         let local = corners.map(|p| {
             let d = p - center;
@@ -281,14 +308,14 @@ impl Camera {
                 (DVec3::new(x, y, z), -z)
             }
         };
-        let eye = center + on_lattice(axes.right * eye.x + axes.up * eye.y + axes.forward * eye.z);
-        finite3(["eye E", "eye N", "eye U"], eye)?;
-        Ok(Camera { eye, target: eye + axes.forward * depth, axes, projection })
+        let offset = axes.right * eye.x + axes.up * eye.y + axes.forward * eye.z;
+        let eye = finite3(["eye E", "eye N", "eye U"], center + offset)?;
+        Ok(Camera { from: center, offset, target: eye + axes.forward * depth, axes, projection })
     }
 
     /// Where rays start.
     pub fn eye(&self) -> DVec3 {
-        self.eye
+        self.from + self.offset
     }
 
     /// What is turned about: a point straight ahead.
@@ -323,12 +350,21 @@ impl Camera {
         [azimuth, (-f.z).atan2(f.x.hypot(f.y)).to_degrees()]
     }
 
+    /// The rays of a picture of `width` × `height` pixels as they are drawn, over heights on a lattice of `height_step`:
+    /// those of [`Camera::basis`], whose eye is moved to the nearest 1/1024 of that. The direction of view is the
+    /// camera's, whatever the eye is rounded to.
+    pub fn drawn_basis(&self, size: [u32; 2], height_step: f64) -> Result<RayBasis, CameraError> {
+        let step = height_step / STEPS_PER_HEIGHT_STEP;
+        let eye = on_lattice(self.from, step) + on_lattice(self.offset, step);
+        Ok(RayBasis { eye: finite3(["eye E", "eye N", "eye U"], eye)?, ..self.basis(size)? })
+    }
+
     /// The rays of a picture of `width` × `height` pixels.
     pub fn basis(&self, size: [u32; 2]) -> Result<RayBasis, CameraError> {
         let [width, height] = checked_size(size)?;
         let Axes { forward, right, up } = self.axes;
         let still = RayBasis {
-            eye: self.eye,
+            eye: self.eye(),
             middle: [0.5 * width - 0.5, 0.5 * height - 0.5],
             o0: DVec3::ZERO,
             ox: DVec3::ZERO,
@@ -498,13 +534,13 @@ mod tests {
     /// Pixel coordinates (whole = centre) at which `p` is seen, and its depth.
     fn project(camera: &Camera, size: [u32; 2], p: DVec3) -> [f64; 3] {
         let basis = camera.basis(size).unwrap();
-        let z = (p - camera.eye).dot(camera.forward());
+        let z = (p - camera.eye()).dot(camera.forward());
         let per_pixel = match camera.projection {
             Projection::Perspective { .. } => basis.dx.length() * z,
             Projection::Orthographic { units_per_pixel } => units_per_pixel,
         };
-        let x = (p - camera.eye).dot(camera.right()) / per_pixel + f64::from(size[0]) / 2.0 - 0.5;
-        let y = -(p - camera.eye).dot(camera.up()) / per_pixel + f64::from(size[1]) / 2.0 - 0.5;
+        let x = (p - camera.eye()).dot(camera.right()) / per_pixel + f64::from(size[0]) / 2.0 - 0.5;
+        let y = -(p - camera.eye()).dot(camera.up()) / per_pixel + f64::from(size[1]) / 2.0 - 0.5;
         [x, y, z]
     }
 
@@ -534,11 +570,35 @@ mod tests {
             let looked = Camera::look_at(orbit.eye(), orbit.target(), Projection::default()).unwrap();
             for camera in [orbit, looked] {
                 let [a, e] = camera.angles();
-                // Eyes lie on a lattice: a millionth of a unit turns a view by this much.
-                assert!((a - az).abs() < 1e-5 && (e - el).abs() < 1e-5, "{az},{el} became {a},{e}");
+                // As far as eyes are told apart at such a northing.
+                assert!((a - az).abs() < 1e-7 && (e - el).abs() < 1e-7, "{az},{el} became {a},{e}");
             }
-            assert!((orbit.right() - looked.right()).length() < 1e-7);
+            assert!((orbit.right() - looked.right()).length() < 1e-9);
         }
+    }
+
+    #[test]
+    fn a_direction_is_that_of_the_places_given_whatever_the_eye_is_rounded_to() {
+        let (target, step) = (DVec3::new(500_000.3, 6_000_000.7, 150.1), 4.0);
+        let eye = target + DVec3::new(0.01, 0.02, 150.0);
+        let camera = Camera::look_at(eye, target, Projection::default()).unwrap();
+        assert_eq!(camera.forward(), (target - eye).normalize());
+        let [plain, drawn] =
+            [camera.basis(SIZE), camera.drawn_basis(SIZE, step * STEPS_PER_HEIGHT_STEP)].map(|b| b.unwrap());
+        assert_eq!(plain.eye, eye);
+        assert_eq!(drawn, RayBasis { eye: DVec3::new(500_000.0, 6_000_000.0, 300.0), ..plain });
+        // What is framed or turned about has the same rays from wherever it lies.
+        let rays = |by: DVec3| {
+            let bounds =
+                Bounds { min: DVec3::new(0.5, 3.25, -7.75) + by, max: DVec3::new(90.0, 61.5, 4.0) + by };
+            let framed = Camera::frame(&bounds, [33.0, 27.0], Projection::default(), SIZE).unwrap();
+            let around = Camera::orbit(bounds.min, [71.0, 3.0], 12.3, Projection::default()).unwrap();
+            [framed, around].map(|camera| {
+                let basis = camera.drawn_basis(SIZE, 1.0 / 1024.0).unwrap();
+                RayBasis { eye: basis.eye - by, ..basis }
+            })
+        };
+        assert_eq!(rays(DVec3::ZERO), rays(DVec3::new(500_000.0, 6_000_000.0, 3_000.0)));
     }
 
     #[test]

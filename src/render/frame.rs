@@ -3,7 +3,7 @@
 use super::camera::{Bounds, Camera, CameraError, RayBasis};
 use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
-use crate::coords::{Grid, HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
+use crate::coords::{CELL_LIMIT, Grid, Height, SectionKey, power_of_two_at_most};
 use crate::gpu::{
     Binding, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Recipe,
     SyncPoint, Timestamps, shaders,
@@ -122,6 +122,7 @@ pub(crate) struct FrameConstants {
     right: [f32; 3],
     down: [f32; 3],
     to_local: [f32; 3],
+    origin_step: f32,
     height_anchor: i32,
     shade: u32,
     color_source: u32,
@@ -158,21 +159,13 @@ impl FrameConstants {
 
     /// What `view` alone says: places, table and window are left 0.
     pub(crate) fn new(view: &View, rays: &Rays, grid: &Grid, height_anchor: Height) -> FrameConstants {
-        let (cell, through) = (grid.cell(), &rays.through);
-        let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, HEIGHT_STEPS_PER_UNIT);
-        let anchor = DVec3::new(grid.anchor[0] as f64, grid.anchor[1] as f64, f64::from(height_anchor.0));
-        // Added in fixed point, so that what is left of the eye's place in the world does not round the rest.
-        // Divided as cell indices are: a border is a whole number.
-        let eye = through.eye / DVec3::new(cell, cell, 1.0 / HEIGHT_STEPS_PER_UNIT) - anchor;
-        let from_eye = through.o0 * per_unit;
-        // Per sixteenth of a pixel, of which samples and the centre of an odd size are whole numbers.
-        let [right, down] = [through.ox, through.oy].map(|step| fixed3(step / 16.0 * per_unit));
-        let odd_half = view.size.map(|pixels| -8 * i64::from(pixels & 1));
-        let origin = added(fixed3(eye), fixed3(from_eye), 1);
-        let origin = added(added(origin, right, odd_half[0]), down, odd_half[1]);
+        let cell = grid.cell();
+        let Origins { origin, right, down, step } = rays.origins;
         let (origin_int, origin_fraction) = parts(origin);
-        let (right_int, right_fraction) = parts(right.map(|step| step.wrapping_mul(16)));
-        let (down_int, down_fraction) = parts(down.map(|step| step.wrapping_mul(16)));
+        let (right_int, right_fraction) = parts(right.map(|step| step * 16));
+        let (down_int, down_fraction) = parts(down.map(|step| step * 16));
+        let to_local =
+            DVec3::new(1.0 / cell, 1.0 / cell, 1.0 / (grid.height_step * view.z_scale)) * rays.unit;
         // From the north-west, 45° high, as on maps.
         let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
         FrameConstants {
@@ -184,11 +177,12 @@ impl FrameConstants {
             right_fraction,
             down_int,
             down_fraction,
-            depth: rays.shown.advanced() as f32,
+            depth: (rays.shown.advanced() / rays.unit) as f32,
             forward: rays.shown.d0.as_vec3().to_array(),
             right: (rays.shown.dx / 16.0).as_vec3().to_array(),
             down: (rays.shown.dy / 16.0).as_vec3().to_array(),
-            to_local: (per_unit / DVec3::new(1.0, 1.0, view.z_scale)).as_vec3().to_array(),
+            to_local: to_local.as_vec3().to_array(),
+            origin_step: step as f32,
             height_anchor: height_anchor.0,
             shade: u32::from(view.shade == Shade::Lit),
             color_source: match view.colors.mode {
@@ -200,7 +194,7 @@ impl FrameConstants {
             },
             range_low: view.colors.lo,
             range_scale: view.colors.scale,
-            cell_steps: (cell * HEIGHT_STEPS_PER_UNIT / view.z_scale) as f32,
+            cell_steps: (grid.cell_steps(0) / view.z_scale) as f32,
             sun: sun.as_vec3().to_array(),
             background: match view.background {
                 Background::None => 0,
@@ -209,7 +203,7 @@ impl FrameConstants {
             },
             floor: match view.shade {
                 Shade::None => f32::NEG_INFINITY,
-                Shade::Lit => (view.floor * HEIGHT_STEPS_PER_UNIT - f64::from(height_anchor.0)) as f32,
+                Shade::Lit => (view.floor / grid.height_step - f64::from(height_anchor.0)) as f32,
             },
             ..FrameConstants::zeroed()
         }
@@ -223,16 +217,90 @@ pub(crate) struct Rays {
     shown: RayBasis,
     /// As they run through unexaggerated data.
     through: RayBasis,
+    /// Of those, what the device is given.
+    origins: Origins,
+    /// CRS units in one of the device's lengths: a power of two, so that it rounds nothing, and not above a cell, so that
+    /// the device computes with the same numbers whatever the unit is.
+    unit: f64,
 }
 
+/// Origins of rays as the device has them: cells, cells and height steps from the anchors, in 32.32 fixed point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Origins {
+    /// At the top left corner of the image's middle pixel.
+    origin: [i64; 3],
+    /// Per sixteenth of a pixel, of which samples and the centre of an odd size are whole numbers.
+    right: [i64; 3],
+    down: [i64; 3],
+    /// Height steps in one of the third coordinate: 1, or a power of two where the picture reaches farther up or down
+    /// than whole steps can be counted.
+    step: f64,
+}
+
+/// Steps of a plane before the data's depth, in height steps: it is rounded so that it does not depend on where in its
+/// CRS the data lies.
+const STEPS_OF_DEPTH: f64 = 64.0;
+
+/// Whole cells and height steps from the anchors within which origins must lie, each way: differences from what is there
+/// fit 32 bits.
+const ORIGIN_REACH: i128 = 1 << 30;
+const _: () = assert!(ORIGIN_REACH + CELL_LIMIT as i128 <= 1 << 31);
+
+/// More doublings of [`Origins::step`] than any picture needs whose width can be counted in cells.
+const MOST_STEP_LOG2: i32 = 64;
+
 impl Rays {
-    pub(crate) fn of(view: &View, cell: f64) -> Result<Rays, CameraError> {
-        let shown = view.camera.basis(view.size)?;
+    /// Of `view`, over cells and heights of `grid`, the heights counted from `anchor` on the device.
+    /// Errors: the picture takes in too much to be counted in cells.
+    pub(crate) fn of(view: &View, grid: &Grid, anchor: Height) -> Result<Rays, CameraError> {
+        let shown = view.camera.drawn_basis(view.size, grid.height_step)?;
         let bounds = view.bounds.exaggerated(view.z_scale, view.pivot);
         // Not less than a cell before the data, so that rounding does not reach it.
-        let depth = shown.depth_of(&bounds, view.camera.forward(), view.size) - cell;
-        let shown = shown.advance(((depth * 16.0).floor() / 16.0).max(0.0));
-        Ok(Rays { shown, through: shown.exaggerated(view.z_scale, view.pivot)? })
+        let depth = shown.depth_of(&bounds, view.camera.forward(), view.size) - grid.cell();
+        let step = STEPS_OF_DEPTH * grid.height_step;
+        let shown = shown.advance(((depth / step).floor() * step).max(0.0));
+        let through = shown.exaggerated(view.z_scale, view.pivot)?;
+        let origins = Origins::of(&through, view.size, grid, anchor).ok_or_else(|| CameraError::TooWide {
+            width: [through.ox, through.oy]
+                .into_iter()
+                .zip(view.size)
+                .map(|(pixel, pixels)| pixel.length() * f64::from(pixels))
+                .fold(0.0, f64::max),
+            cell: grid.cell(),
+        })?;
+        Ok(Rays { shown, through, origins, unit: power_of_two_at_most(grid.cell()) })
+    }
+}
+
+impl Origins {
+    /// `None` where a ray of the picture starts too many cells from the anchor.
+    fn of(rays: &RayBasis, size: [u32; 2], grid: &Grid, height_anchor: Height) -> Option<Origins> {
+        let cell = grid.cell();
+        let anchor = DVec3::new(grid.anchor[0] as f64, grid.anchor[1] as f64, f64::from(height_anchor.0));
+        // Divided as cell indices are: a border is a whole number.
+        let eye = rays.eye / DVec3::new(cell, cell, grid.height_step) - anchor;
+        let per_unit = DVec3::new(1.0 / cell, 1.0 / cell, grid.height_step.recip());
+        let odd_half = size.map(|pixels| -8 * i128::from(pixels & 1));
+        (0..MOST_STEP_LOG2).find_map(|log2| {
+            let step = f64::from(log2).exp2();
+            let counted = DVec3::new(1.0, 1.0, step);
+            // Added in fixed point, so that what is left of the eye's place in the world does not round the rest; and
+            // before they have to fit 64 bits: eyes may be far from the data, origins are near.
+            let [eye, from_eye] = [eye, rays.o0 * per_unit].map(|v| fixed3(v / counted));
+            let [right, down] = [rays.ox, rays.oy].map(|pixel| fixed3(pixel / 16.0 * per_unit / counted));
+            let (eye, from_eye, right, down) = (eye?, from_eye?, right?, down?);
+            let origin: [i128; 3] = std::array::from_fn(|axis| {
+                eye[axis] + from_eye[axis] + right[axis] * odd_half[0] + down[axis] * odd_half[1]
+            });
+            // Beams' corners lie up to a wide tile beyond the edge.
+            let [x, y] = size.map(|pixels| 16 * i128::from(pixels / 2 + WIDE_TILE));
+            let fits = (0..3).all(|axis| {
+                let reach = origin[axis].abs() + right[axis].abs() * x + down[axis].abs() * y;
+                reach >> 32 < ORIGIN_REACH
+            });
+            let narrow = |v: [i128; 3]| v.map(|bits| bits as i64);
+            fits.then(|| Origins { origin: narrow(origin), right: narrow(right), down: narrow(down), step })
+        })
     }
 }
 
@@ -264,14 +332,15 @@ pub(super) struct Hit {
 
 /// What the ray of pixel (px, py) has hit: distance from the eye as shown, and U; heights count from `anchor`.
 fn distance_and_height(
-    Rays { shown, through }: &Rays,
+    Rays { shown, through, unit, .. }: &Rays,
     hit: &Hit,
     [px, py]: [f64; 2],
+    grid: &Grid,
     anchor: Height,
 ) -> [f64; 2] {
-    let t = f64::from(hit.t);
+    let t = f64::from(hit.t) * unit;
     let height = if hit.bits >> 12 == FACE_TOP {
-        Height(hit.top.wrapping_add(anchor.0)).units()
+        grid.units(Height(hit.top.wrapping_add(anchor.0)))
     } else {
         let along = through.direction(px, py).z / through.length(px, py);
         through.origin(px, py).z + t * along
@@ -477,13 +546,13 @@ fn halves(address: u64) -> [u32; 2] {
     [address as u32, (address >> 32) as u32]
 }
 
-/// 32.32 fixed point, held to the range.
-fn fixed(value: f64) -> i64 {
-    (value * 4_294_967_296.0).round().clamp(-4.6e18, 4.6e18) as i64
-}
-
-fn fixed3(v: DVec3) -> [i64; 3] {
-    v.to_array().map(fixed)
+/// Fixed point with 32 bits of fraction, of places so far away that a few of them can be added and multiplied by pixels;
+/// `None` beyond.
+fn fixed3(v: DVec3) -> Option<[i128; 3]> {
+    const REACH: f64 = (1u128 << 96) as f64;
+    let bits = (v * 4_294_967_296.0).round();
+    // NaN fails.
+    bits.abs().cmplt(DVec3::splat(REACH)).all().then(|| bits.to_array().map(|bits| bits as i128))
 }
 
 /// `a + n · b`.
@@ -579,7 +648,7 @@ impl Renderer {
     /// Draws `view` of what `table` names, and waits for it.
     pub fn draw_table(&mut self, scene: &mut Scene, view: &View, table: &Table) -> Result<Image, FrameError> {
         check_size(scene.gpu(), view.size)?;
-        let rays = Rays::of(view, self.grid.cell())?;
+        let rays = self.rays(view)?;
         let mut image = Image::new(view.size);
         let [width, height] = view.size;
         let samples = view.samples.max(1);
@@ -624,7 +693,7 @@ impl Renderer {
         table: &Table,
         clock: Option<&mut Timestamps>,
     ) -> Result<SyncPoint, FrameError> {
-        let rays = Rays::of(view, self.grid.cell())?;
+        let rays = self.rays(view)?;
         assert_eq!(band_rows(view.size), view.size[1], "a picture of one band");
         let band = Band {
             first_row: 0,
@@ -656,10 +725,15 @@ impl Renderer {
         Ok(self.plain.clone().expect("just made"))
     }
 
-    /// Side of a finest cell, CRS units.
+    /// Errors: `view` takes in too much to be drawn.
     #[cfg(feature = "view")]
-    pub(super) fn cell(&self) -> f64 {
-        self.grid.cell()
+    pub fn check(&self, view: &View) -> Result<(), CameraError> {
+        self.rays(view).map(drop)
+    }
+
+    /// The rays of `view`. Errors: it takes in too much to be drawn.
+    pub(super) fn rays(&self, view: &View) -> Result<Rays, CameraError> {
+        Rays::of(view, &self.grid, self.anchor)
     }
 
     /// All that a frame may see now.
@@ -681,7 +755,7 @@ impl Renderer {
     /// Where the ray of pixel (px, py) has hit, as shown, and U there.
     #[cfg(feature = "view")]
     pub(super) fn place_of(&self, rays: &Rays, hit: &Hit, pixel: [f64; 2]) -> (DVec3, f64) {
-        let [distance, height] = distance_and_height(rays, hit, pixel, self.anchor);
+        let [distance, height] = distance_and_height(rays, hit, pixel, &self.grid, self.anchor);
         let [px, py] = pixel;
         let along = distance / rays.shown.length(px, py);
         let from_plane = along - rays.shown.advanced();
@@ -910,7 +984,7 @@ impl Renderer {
                 continue;
             }
             let pixel = [f64::from(at as u32 % width), f64::from(at as u32 / width)];
-            let [distance, height] = distance_and_height(rays, hit, pixel, self.anchor);
+            let [distance, height] = distance_and_height(rays, hit, pixel, &self.grid, self.anchor);
             image.distance[at] = distance as f32;
             image.origin[at] = hit.bits >> 9 & 7;
             image.hit_height[at] = height as f32;
@@ -965,6 +1039,7 @@ mod tests {
             right,
             down,
             to_local,
+            origin_step,
             height_anchor,
             shade,
             color_source,

@@ -1,12 +1,14 @@
 //! The picture in memory, and the files it is written to.
 
 use crate::attribute::linear_to_srgb;
+use crate::coords::Grid;
 use crate::output::{self, Output, Protected, Refusal, SOFTWARE, write_whole};
-use crate::render::camera::RayBasis;
+use crate::render::camera::{Camera, RayBasis};
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Layer, LayerAttributes, Text,
     WritableImage,
 };
+use glam::DVec3;
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -65,6 +67,19 @@ pub struct Image {
 
 /// Key and value of a text that goes into the file, e.g. the camera as typed. Keys: 1 to 79 ASCII letters.
 pub type Note<'a> = (&'a str, &'a str);
+
+/// What is written into pictures from `camera`: where it is and what it looks at, and the step of the lattice that the
+/// heights lie on, CRS units.
+pub fn notes(camera: &Camera, grid: &Grid) -> [(&'static str, String); 3] {
+    // To millimetres, or finer where heights are.
+    let digits = (-grid.height_step.log10()).floor().max(3.0) as usize;
+    let place = |v: DVec3| format!("{:.digits$},{:.digits$},{:.digits$}", v.x, v.y, v.z);
+    [
+        ("Eye", place(camera.eye())),
+        ("Target", place(camera.target())),
+        ("heightStep", grid.height_step.to_string()),
+    ]
+}
 
 impl Image {
     /// A picture in which no ray hits.
@@ -395,8 +410,7 @@ impl SideFiles {
 mod tests {
     use super::*;
     use crate::attribute::srgb_to_linear;
-    use crate::render::camera::{Camera, Projection};
-    use glam::DVec3;
+    use crate::render::camera::Projection;
     use std::fs::{self, File};
     use std::io::BufReader;
 

@@ -856,9 +856,8 @@ mod tests {
             for pair in eyes(&path).windows(2) {
                 let [a, b] = [pair[0], pair[1]].map(|eye| (eye.truncate() / cell).floor());
                 assert_eq!(b - a, DVec2::new(256.0, 0.0), "cells of {cell}");
-                if cell >= 0.25 && cell != 0.3 {
-                    assert_eq!(pair[1].x - pair[0].x, 256.0 * cell);
-                }
+                // Far less than the lattice on which rays start.
+                assert!((pair[1].x - pair[0].x - 256.0 * cell).abs() < 1e-9, "cells of {cell}");
             }
         }
     }

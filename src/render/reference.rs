@@ -12,8 +12,6 @@ use std::collections::HashMap;
 use std::fmt;
 use std::thread;
 
-/// Height steps in one CRS unit.
-const STEPS_PER_UNIT: f64 = 1024.0;
 /// Class flag bit of a withheld point (LAS 1.4 R15, table 9).
 const WITHHELD: u8 = 4;
 /// Most cells of a bounding box that are kept in a flat array.
@@ -43,7 +41,7 @@ pub struct Point {
 /// The point that won a cell. Field by field, the larger wins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Column {
-    /// Top in steps of 2⁻¹⁰ CRS unit: ceil(U · 1024).
+    /// Top in steps of the heights' lattice: ceil(U / step).
     pub height_steps: i64,
     /// ASPRS class.
     pub class: u8,
@@ -55,13 +53,6 @@ pub struct Column {
     pub returns: u8,
     /// Class flags.
     pub flags: u8,
-}
-
-impl Column {
-    /// Top in CRS units.
-    pub fn top(&self) -> f64 {
-        self.height_steps as f64 / STEPS_PER_UNIT
-    }
 }
 
 /// What a ray struck.
@@ -102,6 +93,8 @@ pub struct Hit {
 #[derive(Debug)]
 pub struct ColumnMap {
     cell_size: f64,
+    /// Of the heights' lattice, CRS units.
+    height_step: f64,
     /// First and last occupied cell, both ways.
     first: [i64; 2],
     last: [i64; 2],
@@ -121,17 +114,17 @@ enum Index {
 }
 
 impl ColumnMap {
-    /// Bins the points that `mask` shows into cells of `cell_size`; withheld ones only on demand. Points
-    /// that are not finite or off the height lattice are left out.
+    /// Bins the points that `mask` shows into cells of `cell_size`, heights in steps of `height_step`; withheld ones
+    /// only on demand. Points that are not finite or off the height lattice are left out.
     pub fn build(
         points: impl IntoIterator<Item = Point>,
-        cell_size: f64,
+        [cell_size, height_step]: [f64; 2],
         mask: &ClassMask,
         show_withheld: bool,
     ) -> ColumnMap {
         let mut cells: HashMap<[i64; 2], Column> = HashMap::new();
         for p in points {
-            let steps = (p.u * STEPS_PER_UNIT).ceil();
+            let steps = (p.u / height_step).ceil();
             let cell = [(p.e / cell_size).floor(), (p.n / cell_size).floor()];
             let on_grid = cell.iter().all(|v| v.abs() < 9e15) && steps.abs() < 2_147_483_648.0;
             if !on_grid || !mask.shows(p.class) || (p.flags & WITHHELD != 0 && !show_withheld) {
@@ -147,11 +140,14 @@ impl ColumnMap {
             };
             cells.entry(cell.map(|v| v as i64)).and_modify(|c| *c = column.max(*c)).or_insert(column);
         }
-        ColumnMap::from_cells(cells, cell_size)
+        ColumnMap::from_cells(cells, [cell_size, height_step])
     }
 
     /// Takes columns that are binned already.
-    pub fn from_cells(cells: impl IntoIterator<Item = ([i64; 2], Column)>, cell_size: f64) -> ColumnMap {
+    pub fn from_cells(
+        cells: impl IntoIterator<Item = ([i64; 2], Column)>,
+        [cell_size, height_step]: [f64; 2],
+    ) -> ColumnMap {
         let (keys, columns): (Vec<[i64; 2]>, Vec<Column>) = cells.into_iter().unzip();
         let mut first = [i64::MAX; 2];
         let mut last = [i64::MIN; 2];
@@ -173,8 +169,9 @@ impl ColumnMap {
             }
             _ => Index::Sparse(numbered.collect()),
         };
-        let highest = columns.iter().map(Column::top).fold(f64::NEG_INFINITY, f64::max);
-        ColumnMap { cell_size, first, last, highest, columns, index }
+        let highest = columns.iter().map(|column| column.height_steps).max();
+        let highest = highest.map_or(f64::NEG_INFINITY, |steps| steps as f64 * height_step);
+        ColumnMap { cell_size, height_step, first, last, highest, columns, index }
     }
 
     /// Occupied cells.
@@ -185,6 +182,11 @@ impl ColumnMap {
     /// No point is shown.
     pub fn is_empty(&self) -> bool {
         self.columns.is_empty()
+    }
+
+    /// Top of a column, CRS units.
+    pub fn top(&self, column: &Column) -> f64 {
+        column.height_steps as f64 * self.height_step
     }
 
     /// The column of a cell.
@@ -237,7 +239,7 @@ impl ColumnMap {
             if let Some(&column) = self.column(cell)
                 && (t_in < t_out || (t_in == t_out && in_closed && out_closed))
             {
-                let top = column.top();
+                let top = self.top(&column);
                 let t_top = t_top(top);
                 let below_on_entry = if d.z < 0.0 {
                     t_in > t_top
@@ -532,6 +534,7 @@ impl fmt::Display for Comparison {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::coords::HEIGHT_STEP as STEP;
     use crate::render::camera::{Camera, Projection};
     use glam::DVec3;
     use proptest::prelude::*;
@@ -544,7 +547,7 @@ mod tests {
     }
 
     fn map(points: &[Point]) -> ColumnMap {
-        ColumnMap::build(points.iter().copied(), 1.0, &ClassMask::default(), false)
+        ColumnMap::build(points.iter().copied(), [1.0, STEP], &ClassMask::default(), false)
     }
 
     /// The one ray from `eye` to `target`.
@@ -669,7 +672,7 @@ mod tests {
     fn mask_and_rounding_decide_the_top() {
         let all = [point(0.5, 0.5, 1.0, 2), point(0.5, 0.5, 4.0001, 5), point(0.5, 0.5, 90.0, 7)];
         let top = |mask: &ClassMask| {
-            ColumnMap::build(all, 1.0, mask, false).column([0, 0]).map(|c| (c.height_steps, c.class))
+            ColumnMap::build(all, [1.0, STEP], mask, false).column([0, 0]).map(|c| (c.height_steps, c.class))
         };
         assert_eq!(top(&ClassMask::default()), Some((4097, 5)));
         assert_eq!(top(&ClassMask::default().without(&[5])), Some((1024, 2)));
@@ -677,7 +680,7 @@ mod tests {
         assert_eq!(top(&ClassMask::only(&[6])), None);
         let mut withheld = point(0.5, 0.5, 50.0, 2);
         withheld.flags = WITHHELD;
-        let seen = |show| ColumnMap::build([withheld], 1.0, &ClassMask::default(), show).len();
+        let seen = |show| ColumnMap::build([withheld], [1.0, STEP], &ClassMask::default(), show).len();
         assert_eq!((seen(false), seen(true)), (0, 1));
         let odd =
             [point(f64::NAN, 0.0, 0.0, 2), point(0.0, 0.0, f64::INFINITY, 2), point(1e300, 0.0, 0.0, 2)];
@@ -720,7 +723,7 @@ mod tests {
         let solid = |t: f64| {
             let p = o + d * t;
             map.column([(p.x / c).floor() as i64, (p.y / c).floor() as i64])
-                .is_some_and(|column| p.z <= column.top())
+                .is_some_and(|column| p.z <= map.top(column))
         };
         let (unit, step) = (basis.length(px, py), c / 1000.0);
         // Off the eye, coordinates at a far northing are good to 1e-9.
@@ -742,7 +745,8 @@ mod tests {
             let around = near.iter().any(|x| {
                 near.iter().any(|y| {
                     let cell = [((p.x + x) / c).floor() as i64, ((p.y + y) / c).floor() as i64];
-                    cell == hit.cell && map.column(cell).is_some_and(|column| p.z + near[0] <= column.top())
+                    cell == hit.cell
+                        && map.column(cell).is_some_and(|column| p.z + near[0] <= map.top(column))
                 })
             });
             prop_assert!(around, "nothing at {hit:?}");
@@ -767,7 +771,7 @@ mod tests {
             let (eye, target, origin) = (place(eye), place(target), place([0.0; 3]));
             prop_assume!(eye != target);
             let points = town(seed, cell, origin[0], origin[1]);
-            let map = ColumnMap::build(points, cell, &ClassMask::all(), true);
+            let map = ColumnMap::build(points, [cell, STEP], &ClassMask::all(), true);
             check_against_samples(&map, &ray(eye, target), 0.0, 0.0)?;
         }
     }
@@ -803,7 +807,7 @@ mod tests {
             Camera::look_at(DVec3::new(12.0, -6.0, 30.0), DVec3::new(12.0, 12.0, 0.0), Projection::default());
         let basis = camera.unwrap().basis(size).unwrap();
         let hits = map.render(&basis, size);
-        let tolerance = Tolerance { cell_size: 1.0, height_step: 1.0 / 1024.0 };
+        let tolerance = Tolerance { cell_size: 1.0, height_step: STEP };
         let run = |(distance, class): (Vec<f32>, Vec<u32>)| {
             compare(&hits, &basis, size[0], &distance, &class, tolerance)
         };
@@ -829,7 +833,7 @@ mod tests {
                 let column = *map.column(cell)?;
                 Some((cell, Column { height_steps: column.height_steps + steps, ..column }))
             });
-            run(planes(&ColumnMap::from_cells(cells, 1.0).render(&basis, size)))
+            run(planes(&ColumnMap::from_cells(cells, [1.0, STEP]).render(&basis, size)))
         };
         assert!(raised(1).agreement() > 0.99 && raised(1).distance_differs == 0, "{}", raised(1));
         assert!(raised(8).distance_differs > 100, "{}", raised(8));
@@ -840,7 +844,7 @@ mod tests {
         let map = map(&[point(0.5, 0.5, 3.0, 6)]);
         let down = ray([0.5, 0.5, 13.0], [0.5, 0.5, 0.0]);
         let hit = map.trace(&down, 0.0, 0.0).unwrap();
-        let tolerance = Tolerance { cell_size: 1.0, height_step: 1.0 / 1024.0 };
+        let tolerance = Tolerance { cell_size: 1.0, height_step: STEP };
         assert!(tolerance.at(&hit, &down, 0.0, 0.0) < 1.1 / 1024.0);
         // A level ray onto a side says little about heights: allowed, and counted.
         let level = ray([-9.0, 0.5, 1.0], [0.0, 0.5, 1.0]);

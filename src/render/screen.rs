@@ -157,7 +157,7 @@ impl Screen {
         let samples = view.samples;
         let band =
             Band { first_row: next_row, rows, sample, samples, read: false, screen: false, whole: true };
-        let rays = Rays::of(view, renderer.cell())?;
+        let rays = renderer.rays(view)?;
         self.slot(slot);
         let timed = &mut self.slots[slot];
         if timed.clock.is_none() {

@@ -17,7 +17,7 @@ const HOLES: f64 = 0.50;
 const BRIDGE: usize = 4;
 /// log2 of the finest cell that is thought of. A broken header may put all points within 1e-312 units: cells would
 /// be halved until they are 0, without end.
-const FINEST_LOG2: f64 = -20.0;
+const FINEST_LOG2: f64 = -40.0;
 /// Most doublings from the size at which there is one point a cell.
 const DOUBLINGS: u32 = 3;
 

@@ -239,12 +239,13 @@ pub fn file_bounds(header: Option<Bounds>, points: &[(DVec3, f64)]) -> Option<Bo
     };
     let cores = [core(0)?, core(1)?, core(2)?];
     let width = |axis: usize| cores[axis].1 - cores[axis].0;
+    let least = 1e-6 * width(0).max(width(1)).max(width(2));
     let (mut min, mut max) = (DVec3::ZERO, DVec3::ZERO);
     for axis in 0..3 {
         let (lo, hi) = cores[axis];
         // A tower or a shaft reaches far out of flat country, but not kilometres.
         let aside = if axis == 2 { 0.5 * width(0).max(width(1)) } else { 0.0 };
-        let reach = if points.len() < ENOUGH { f64::MAX } else { (0.5 * width(axis)).max(aside).max(1e-3) };
+        let reach = if points.len() < ENOUGH { f64::MAX } else { (0.5 * width(axis)).max(aside).max(least) };
         let near = |value: f64| (lo - reach..=hi + reach).contains(&value);
         let inside = points.iter().map(|(point, _)| point[axis]).filter(|&value| near(value));
         let (first, last) = inside.fold((lo, hi), |(first, last), value| (value.min(first), value.max(last)));

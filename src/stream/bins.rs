@@ -367,7 +367,7 @@ impl Binner {
             meaning.world_of_many(block, first + at, [&mut *east, &mut *north, &mut *up]);
             let all_ordinary = ordinary.cells(0, east, i)
                 & ordinary.cells(1, north, j)
-                & Ordinary::heights(up, &mut self.heights[at..at + n]);
+                & ordinary.heights(up, &mut self.heights[at..at + n]);
             if all_ordinary {
                 at = self.place_ordinary(at, i, j);
                 continue;
@@ -376,8 +376,7 @@ impl Binner {
                 if self.keys.len() == PIECE_SECTIONS {
                     break;
                 }
-                let (Some(cell), Some(height)) = (grid.cell_of(east[k], north[k]), Height::from_units(up[k]))
-                else {
+                let (Some(cell), Some(height)) = (grid.cell_of(east[k], north[k]), grid.height(up[k])) else {
                     outside += 1;
                     at += 1;
                     continue;
@@ -454,6 +453,7 @@ impl Binner {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::coords::HEIGHT_STEP;
     use glam::DVec3;
 
     struct Plain;
@@ -495,7 +495,7 @@ mod tests {
     }
 
     fn grid(coarsen: u32) -> Grid {
-        Grid { base_cell: 0.25, coarsen, anchor: [0, 0] }
+        Grid { base_cell: 0.25, coarsen, anchor: [0, 0], height_step: HEIGHT_STEP }
     }
 
     const EVERYWHERE: [std::ops::Range<i64>; 2] = [-1_000_000..1_000_000, -1_000_000..1_000_000];
@@ -533,7 +533,7 @@ mod tests {
     /// Ordinary points, strays and what has no cell, in more sections than a piece has: as if each came alone.
     #[test]
     fn many_at_a_time_equal_one_at_a_time() {
-        let grid = Grid { base_cell: 0.3, coarsen: 0, anchor: [1 << 24, 0] };
+        let grid = Grid { base_cell: 0.3, coarsen: 0, anchor: [1 << 24, 0], height_step: HEIGHT_STEP };
         let core = [16_000_000..18_000_000, -20_000_000..20_000_000];
         let mut points = scattered(30_000, 500_000);
         for (i, x) in points.x.iter_mut().enumerate() {
@@ -550,7 +550,7 @@ mod tests {
         let (mut strays, mut rest) = (0, 0);
         for i in 0..points.len() {
             let at = Plain.world(&points, i);
-            let (Some(cell), Some(height)) = (grid.cell_of(at.x, at.y), Height::from_units(at.z)) else {
+            let (Some(cell), Some(height)) = (grid.cell_of(at.x, at.y), grid.height(at.z)) else {
                 rest += 1;
                 continue;
             };
@@ -604,7 +604,11 @@ mod tests {
 
     #[test]
     fn what_has_no_cell_or_height_is_counted() {
-        let bins = Bins::new(Grid { base_cell: 1e-9, coarsen: 0, anchor: [0, 0] }, EVERYWHERE, PLENTY);
+        let bins = Bins::new(
+            Grid { base_cell: 1e-9, coarsen: 0, anchor: [0, 0], height_step: HEIGHT_STEP },
+            EVERYWHERE,
+            PLENTY,
+        );
         Binner::default().bin(&bins, &Plain, &block([(0, 0, 0), (i32::MAX, 0, 0)].into_iter()));
         assert_eq!(bins.finish().unwrap().outside, 1);
     }

@@ -285,10 +285,11 @@ fn stand_in(key: SectionKey, live: &dyn Fn(SectionKey) -> Option<bool>) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::coords::HEIGHT_STEP;
     use std::collections::HashSet;
 
     fn grid() -> Grid {
-        Grid { base_cell: 0.5, coarsen: 0, anchor: [1 << 20, 1 << 21] }
+        Grid { base_cell: 0.5, coarsen: 0, anchor: [1 << 20, 1 << 21], height_step: HEIGHT_STEP }
     }
 
     /// Sixteen tiles of 1,000 × 1,000 cells, 100 units high.

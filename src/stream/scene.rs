@@ -7,7 +7,7 @@
 use super::pool::{Access, Part, Pool, Slot, section_bytes};
 use super::table::Entry;
 use crate::attribute::{ClassMask, Kinds};
-use crate::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
+use crate::coords::{Grid, Height, SectionKey};
 use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
     Recipe, SyncPoint, Timestamps, UploadRing, shaders, stream_words,
@@ -18,6 +18,9 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
+/// Most height steps a cell by which the ends of a gap may differ and it still be a slope: gaps are up to five cells wide,
+/// and their rise fits 32 bits.
+const STEEPEST: f64 = (1 << 29) as f64;
 /// Table copies, hence frames that may be under way at once.
 const FRAMES_IN_FLIGHT: usize = 2;
 
@@ -235,7 +238,7 @@ pub struct Scene {
     last_build: Option<SyncPoint>,
     visibility: Visibility,
     carried: Carried,
-    cell: f64,
+    grid: Grid,
     counters: Counters,
     generation: u64,
     /// The copy that is being recorded, and whose sections it moves.
@@ -246,14 +249,14 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// An empty scene. `cell`: side of a finest cell in CRS units; `budget_bytes`: of the pool.
+    /// An empty scene, of sections on `grid`. `budget_bytes`: of the pool.
     pub fn new(
         gpu: &Gpu,
         order: impl FnOnce(Order) -> Order,
         access: Access,
         budget_bytes: u64,
         visibility: Visibility,
-        cell: f64,
+        grid: Grid,
     ) -> Result<Scene, GpuError> {
         Ok(Scene {
             order: order(Order::new(gpu, FRAMES_IN_FLIGHT)?),
@@ -269,7 +272,7 @@ impl Scene {
             last_build: None,
             visibility,
             carried: Carried::Colors,
-            cell,
+            grid,
             counters: Counters::default(),
             generation: 0,
             batch: None,
@@ -684,8 +687,7 @@ impl Scene {
                 let [x, y] = self.pool.place(&version.slots.uploaded, 0);
                 let Layout { counts, others, .. } = version.layout;
                 // Gaps steeper than 45° are edges.
-                let cell = self.cell * f64::from(key.level).exp2();
-                let steep = (cell * HEIGHT_STEPS_PER_UNIT).clamp(1.0, 1e6) as u32;
+                let steep = self.grid.cell_steps(key.level).clamp(1.0, STEEPEST) as u32;
                 let job = Job { section: [x, y, counts, others], near, slopes: [steep, 0, 0, 0] };
                 let all = version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w));
                 jobs.push(Task { job, wide: version.layout.code.wide, all });
@@ -929,11 +931,6 @@ impl Scene {
     /// What is shown.
     pub fn visibility(&self) -> Visibility {
         self.visibility
-    }
-
-    /// Side of a finest cell, CRS units.
-    pub fn cell(&self) -> f64 {
-        self.cell
     }
 
     /// What has been copied and built since the start.

@@ -1,7 +1,7 @@
 //! Where the window's data comes from: everything that it knows of files and sections goes through here.
 
 use super::watch::{self, News, Stamp, Watch};
-use crate::coords::{Grid, Height};
+use crate::coords::{Grid, HEIGHT_STEP, Height};
 use crate::gpu::{Gpu, Order};
 use crate::load::{self, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
@@ -26,6 +26,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+/// What there is before there is data.
+const NO_GRID: Grid = Grid { base_cell: 1.0, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
 /// Files that have changed and are opened again at a time: each time everything that they touch is looked at.
 const MOST_AGAIN: usize = 256;
 /// Messages that are remembered, the newest.
@@ -188,7 +190,7 @@ impl Data {
     ) -> anyhow::Result<Data> {
         let budget = options.device_bytes.min(gpu.info().memory_bytes / 8 * 7);
         let options = Options { device_bytes: budget, ..options };
-        let scene = Scene::new(gpu, |order| order, access(gpu, budget), budget, options.visibility, 1.0)?;
+        let scene = Scene::new(gpu, |order| order, access(gpu, budget), budget, options.visibility, NO_GRID)?;
         let mut data = Data {
             options,
             wake: Arc::new(wake),
@@ -199,7 +201,7 @@ impl Data {
             watch: None,
             again: VecDeque::new(),
             scene: Some(scene),
-            grid: Grid { base_cell: 1.0, coarsen: 0, anchor: [0; 2] },
+            grid: NO_GRID,
             anchor: Height(0),
             now: live::Status::default(),
             counted: Instant::now(),
@@ -274,7 +276,8 @@ impl Data {
             let pivot = about.bounds.min.z;
             // Solid columns without end are seen from below, too.
             let bounds = about.bounds;
-            let floor = bounds.min.z - if lit { 0.1 * (bounds.max - bounds.min).max_element() } else { 1e6 };
+            let deep = 0.1 * (bounds.max - bounds.min).max_element();
+            let floor = if lit { bounds.min.z - deep } else { bounds.solid_down_to() };
             let sight = sight(camera, size, [z_scale, pivot], floor, 1.0)?;
             let now = live.tick(scene, &sight, upload_bytes)?;
             scene.flush()?;
@@ -474,7 +477,7 @@ impl Data {
         let Opening { inputs, grid, core, about } = opening;
         self.failed = None;
         self.grid = grid;
-        self.anchor = Height::from_units(about.bounds.center().z).unwrap_or(Height(0));
+        self.anchor = grid.height(about.bounds.center().z).unwrap_or(Height(0));
         let mut files: Vec<_> = inputs.iter().map(file_about).collect();
         files.iter_mut().enumerate().for_each(|(source, file)| file.source = source);
         self.about = Some(About { whole: about, files });
@@ -498,7 +501,7 @@ impl Data {
             order
         };
         let budget = self.options.device_bytes;
-        let mut scene = Scene::new(gpu, keep, access(gpu, budget), budget, visibility, grid.cell())?;
+        let mut scene = Scene::new(gpu, keep, access(gpu, budget), budget, visibility, grid)?;
         scene.hold(self.is_held);
         self.scene = Some(scene);
         Ok(())

@@ -1,7 +1,7 @@
 //! How the camera follows mouse and keys.
 
 use super::input::Move;
-use super::redraw::floor;
+use super::redraw::{floor, traced};
 use super::{ONE_MOVE, Options, VIEWS, Viewer, navigate};
 use crate::render::camera::{Bounds, Camera, DEFAULT_ORBIT, Projection};
 use crate::render::screen::Pick;
@@ -82,10 +82,18 @@ impl Viewer {
             }
         };
         // What cannot be seen from there is not gone to.
-        if let Ok(camera) = moved {
+        if let Ok(camera) = moved
+            && self.can_draw(&camera)
+        {
             self.set(camera);
         }
         Ok(())
+    }
+
+    /// Whether a picture from there is not too wide to be drawn.
+    fn can_draw(&self, camera: &Camera) -> bool {
+        let view = traced(&self.data, &self.settings, camera, self.colors.as_ref(), self.place.size);
+        view.zip(self.renderer.as_ref()).is_none_or(|(view, renderer)| renderer.check(&view).is_ok())
     }
 
     /// Where most of the data is, with the slab below it, as shown.
@@ -150,7 +158,9 @@ impl Viewer {
         let camera = &self.camera;
         let distance = (camera.target() - camera.eye()).length();
         let by = camera.right() * right + camera.forward() * forward + DVec3::Z * up;
-        if let Ok(camera) = navigate::shift(camera, by * (seconds * distance)) {
+        if let Ok(camera) = navigate::shift(camera, by * (seconds * distance))
+            && self.can_draw(&camera)
+        {
             self.camera = camera;
         }
     }
@@ -162,7 +172,8 @@ impl Viewer {
         let world = base.place(DVec3::new(e, n, u.unwrap_or(middle.z)));
         let shown = world.with_z(bounds.min.z + (world.z - bounds.min.z) * self.settings.z_scale);
         let length = (bounds.max - bounds.min).truncate().max_element();
-        let distance = (self.camera.target() - self.camera.eye()).length().min(length * 0.1).max(1.0);
+        let cell = self.data.grid().0.cell();
+        let distance = (self.camera.target() - self.camera.eye()).length().min(length * 0.1).max(cell);
         let angles = self.camera.angles();
         if let Ok(camera) = Camera::orbit(shown, angles, distance, self.camera.projection()) {
             self.keep_view();

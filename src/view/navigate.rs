@@ -6,8 +6,8 @@ use glam::DVec3;
 /// Elevations that turning comes to at most, degrees: straight down has no azimuth.
 const STEEPEST: f64 = 89.9;
 
-/// Closest to what is zoomed to, CRS units.
-const NEAREST: f64 = 0.01;
+/// Closest to what is zoomed to, in the data's lengths.
+const NEAREST: f64 = 1e-6;
 /// Farthest from the data, in its lengths.
 const FARTHEST: f64 = 50.0;
 
@@ -134,18 +134,22 @@ pub fn zoom(camera: &Camera, place: DVec3, factor: f64, bounds: &Bounds) -> Resu
         return Camera::orbit(camera.target() + across, angles(camera), distance, projection);
     }
     let away = (place - camera.eye()).length();
-    let length = (bounds.max - bounds.min).length().max(1.0);
+    let length = match (bounds.max - bounds.min).length() {
+        0.0 => 1.0,
+        length => length,
+    };
     // What is out of the range already may still come back.
-    let [least, most] = [NEAREST.min(away), (length * FARTHEST).max(away)];
+    let [least, most] = [(length * NEAREST).min(away), (length * FARTHEST).max(away)];
     let factor = (away * factor).clamp(least, most) / away.max(f64::MIN_POSITIVE);
     let eye = place + (camera.eye() - place) * factor;
-    let distance = ((camera.target() - camera.eye()).length() * factor).max(NEAREST);
+    let distance = ((camera.target() - camera.eye()).length() * factor).max(length * NEAREST);
     Camera::orbit(eye + camera.forward() * distance, angles(camera), distance, camera.projection())
 }
 
 /// Brings `place` to the middle of the picture, as far away as it is.
 pub fn recentre(camera: &Camera, place: DVec3) -> Result<Camera, CameraError> {
-    let distance = (place - camera.eye()).dot(camera.forward()).max(NEAREST);
+    let before = (camera.target() - camera.eye()).length();
+    let distance = (place - camera.eye()).dot(camera.forward()).max(before * NEAREST);
     Camera::orbit(place, angles(camera), distance, camera.projection())
 }
 

@@ -368,7 +368,8 @@ impl Viewer {
         let color = self.settings.color;
         let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == color);
         if !is_current && let Some(about) = self.data.about() {
-            self.colors = Some((color, ColorTable::new(color, &about.summary, None, None)?));
+            self.colors =
+                Some((color, ColorTable::new(color, &about.summary, &self.data.grid().0, None, None)?));
             self.log(format_args!("color {}", color.name()));
             is_changed = true;
         }

@@ -69,11 +69,14 @@ pub fn command(
     size: [u32; 2],
     opened: &data::Options,
 ) -> String {
+    // To millimetres of metres, and of what is nearer than one unit to as much of its distance.
+    let distance = (camera.target() - camera.eye()).length();
+    let up = (3.0 - distance.log10().floor()).clamp(3.0, 17.0) as usize;
     let place = |v: DVec3| {
         let v = about.base.unplace(v);
         // Degrees need more digits than metres.
-        let digits = if about.base.is_identity() { 3 } else { 9 };
-        format!("{:.digits$},{:.digits$},{:.3}", v.x, v.y, v.z)
+        let digits = if about.base.is_identity() { up } else { 9 };
+        format!("{:.digits$},{:.digits$},{:.up$}", v.x, v.y, v.z)
     };
     let mut words = vec!["lasray".to_owned(), "render".to_owned()];
     words.extend(inputs.iter().map(|input| quoted(&input.to_string_lossy())));

@@ -9,11 +9,10 @@ use crate::gpu::{Buffer, Commands, SyncPoint};
 use crate::output::Output;
 use crate::render::camera::Camera;
 use crate::render::frame::Renderer;
-use crate::render::image::{Image, ImageError};
+use crate::render::image::{Image, ImageError, notes};
 use crate::render::screen::Screen;
 use crate::stream::table::Table;
 use crossbeam_channel::{Receiver, Sender, unbounded};
-use glam::DVec3;
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 
@@ -95,12 +94,17 @@ impl Default for Writer {
 }
 
 impl Writer {
-    fn write(&mut self, image: Image, path: PathBuf, camera: &Camera, wake: impl Fn() + Send + 'static) {
-        let place = |v: DVec3| format!("{:.3},{:.3},{:.3}", v.x, v.y, v.z);
-        let (eye, target) = (place(camera.eye()), place(camera.target()));
+    fn write(
+        &mut self,
+        image: Image,
+        path: PathBuf,
+        notes: [(&'static str, String); 3],
+        wake: impl Fn() + Send + 'static,
+    ) {
         let send = self.send.clone();
         self.threads.push(std::thread::spawn(move || {
-            let written = image.write(Output::fresh(&path), false, &[("Eye", &eye), ("Target", &target)]);
+            let notes = notes.each_ref().map(|(key, value)| (*key, value.as_str()));
+            let written = image.write(Output::fresh(&path), false, &notes);
             // The window may be gone.
             let _ = send.send((path, written));
             wake();
@@ -173,7 +177,8 @@ impl Viewer {
             && let Some(image) = saving.image(&mut self.data)?
         {
             let wake = self.wake.clone();
-            self.writer.write(image, saving.path.clone(), &saving.camera, move || wake());
+            let notes = notes(&saving.camera, &self.data.grid().0);
+            self.writer.write(image, saving.path.clone(), notes, move || wake());
             self.saving = None;
         }
         for (path, written) in self.writer.take() {

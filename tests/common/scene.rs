@@ -79,8 +79,8 @@ impl Data {
             sections: sections.into_iter().map(|(key, columns)| (key, columns.pack())).collect(),
             grid,
             bounds,
-            anchor: Height::from_units(bounds.center().z).unwrap(),
-            colors: ColorTable::new(color, &summary, None, None).unwrap(),
+            anchor: grid.height(bounds.center().z).unwrap(),
+            colors: ColorTable::new(color, &summary, &grid, None, None).unwrap(),
             summary,
             placement: placement(paths),
         }
@@ -95,7 +95,7 @@ impl Data {
         visibility: Visibility,
         budget_bytes: u64,
     ) -> Scene {
-        Scene::new(gpu, order, access, budget_bytes, visibility, self.grid.cell()).unwrap()
+        Scene::new(gpu, order, access, budget_bytes, visibility, self.grid).unwrap()
     }
 
     /// All sections, live.

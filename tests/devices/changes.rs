@@ -68,7 +68,7 @@ impl Seen {
             grid,
             bounds: about.bounds,
             anchor,
-            colors: ColorTable::new(ColorMode::Class, &about.summary, None, None).unwrap(),
+            colors: ColorTable::new(ColorMode::Class, &about.summary, &grid, None, None).unwrap(),
             summary: about.summary.clone(),
             placement: Placement::default(),
         };

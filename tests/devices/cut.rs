@@ -5,7 +5,7 @@ use super::live::{PLENTY, World, tiles};
 use super::scene::{self, MEASURED, real_files};
 use super::{SIZE, cameras};
 use lasray::attribute::ClassMask;
-use lasray::coords::{Grid, HEIGHT_STEPS_PER_UNIT, SECTION_LOG2};
+use lasray::coords::{Grid, SECTION_LOG2};
 use lasray::render::camera::{Camera, Projection, RayBasis};
 use lasray::render::image::Image;
 use lasray::render::reference::{Column, ColumnMap, Point, Tolerance, compare};
@@ -22,18 +22,19 @@ const REAL: [(&str, f64); 3] =
 struct Levels {
     points: Vec<Point>,
     cell: f64,
+    height_step: f64,
     of_level: HashMap<u8, ColumnMap>,
 }
 
 impl Levels {
-    fn new(points: Vec<Point>, cell: f64) -> Levels {
-        Levels { points, cell, of_level: HashMap::new() }
+    fn new(points: Vec<Point>, [cell, height_step]: [f64; 2]) -> Levels {
+        Levels { points, cell, height_step, of_level: HashMap::new() }
     }
 
     fn level(&mut self, level: u8) -> &ColumnMap {
-        let cell = self.cell * f64::from(level).exp2();
+        let lattice = [self.cell * f64::from(level).exp2(), self.height_step];
         let points = &self.points;
-        let build = || ColumnMap::build(points.iter().copied(), cell, &ClassMask::default(), false);
+        let build = || ColumnMap::build(points.iter().copied(), lattice, &ClassMask::default(), false);
         self.of_level.entry(level).or_insert_with(build)
     }
 
@@ -54,7 +55,7 @@ impl Levels {
                 }
             }
         }
-        ColumnMap::from_cells(cells, self.cell)
+        ColumnMap::from_cells(cells, [self.cell, self.height_step])
     }
 }
 
@@ -99,7 +100,7 @@ fn check(setup: common::Setup, paths: &[PathBuf], cell: f64) -> [usize; 8] {
     let mut world = World::with_cell(&gpu, paths, cell, PLENTY, Access::Address, MEASURED());
     let placement = world.placement.clone();
     let points = paths.iter().flat_map(|path| scene::points(path, &placement)).collect();
-    let mut levels = Levels::new(points, cell);
+    let mut levels = Levels::new(points, [cell, world.grid.height_step]);
     let mut found = [0; 8];
     let name = paths[0].file_name().unwrap().to_string_lossy().into_owned();
     let b = world.bounds;
@@ -118,7 +119,7 @@ fn check(setup: common::Setup, paths: &[PathBuf], cell: f64) -> [usize; 8] {
         let basis = camera.basis(SIZE).unwrap();
         let map = levels.of_cut(&world.grid, &shown);
         let reference = map.render(&basis, SIZE);
-        let tolerance = Tolerance { cell_size: cell, height_step: 1.0 / HEIGHT_STEPS_PER_UNIT };
+        let tolerance = Tolerance { cell_size: cell, height_step: world.grid.height_step };
         let result = compare(&reference, &basis, SIZE[0], &image.distance, &image.class, tolerance);
         assert!(result.hits > 500, "{name}, camera {k}: nothing is seen");
         // Cells cover up to a pixel where they are nearest.

@@ -3,7 +3,7 @@
 use crate::common::{self, LAVAPIPE};
 use glam::{IVec2, ivec2};
 use lasray::attribute::{Attributes, ClassMask, Record};
-use lasray::coords::{HEIGHT_STEPS_PER_UNIT, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
+use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
 use lasray::section::{Columns, Derived, Packed, column_at};
 use lasray::source::FLAG_WITHHELD;
@@ -11,7 +11,7 @@ use lasray::stream::pool::Access;
 use lasray::stream::scene::{Carried, ReadBack, Scene, Visibility};
 use std::collections::BTreeMap;
 
-const CELL: f64 = 0.25;
+const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
 const SIDE: i32 = SECTION_SIDE as i32;
 
 /// Holes of all sizes, chains, withheld points, steep steps; every other section too high for 16 bits.
@@ -98,7 +98,7 @@ fn tops(key: SectionKey, packed: &Packed, shown: &Visibility, carried: Carried, 
 
 /// Height and source of a hole.
 fn bridge(tops: &Tops, at: IVec2, reach: i32) -> Option<(i32, IVec2)> {
-    let steep = (CELL * HEIGHT_STEPS_PER_UNIT) as i32;
+    let steep = GRID.cell_steps(0) as i32;
     let nearest =
         |step: IVec2| (1..=4).find_map(|s| tops.get(&(at + step * s).into()).map(|(_, height)| (s, *height)));
     let mut best: Option<([i32; 2], (i32, IVec2))> = None;
@@ -181,7 +181,7 @@ fn derived_parts_are_as_specified() {
         let sections: Vec<_> = places.map(|(i, j)| (SectionKey { level: 0, i, j }, section(i, j))).collect();
         let shown = Visibility { classes: ClassMask::only(&[2, 5, 6, 200]), withheld: true, bridge: 0 };
         for access in [Access::Address, Access::Texels, Access::StorageBuffer] {
-            let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, shown, CELL).unwrap();
+            let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, shown, GRID).unwrap();
             let (one_by_one, together) = sections.split_at(4);
             // Slots that were used before.
             let full = full();

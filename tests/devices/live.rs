@@ -6,7 +6,7 @@ use super::scene::{self, BRIDGED, MEASURED};
 use super::{SIZE, cameras};
 use glam::DVec3;
 use lasray::attribute::{AttributeSummary, ColorTable};
-use lasray::coords::{Grid, Height, SectionKey};
+use lasray::coords::{Grid, SectionKey};
 use lasray::gpu::Gpu;
 use lasray::load::{self, LoadOptions, Opening};
 use lasray::problems::Problems;
@@ -110,12 +110,11 @@ impl World {
         let placement = inputs[0].input.placement.clone();
         World {
             live: Live::new(inputs, grid, core, means.host_bytes, means.threads, || ()),
-            scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, grid.cell())
-                .unwrap(),
+            scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, grid).unwrap(),
             grid,
             bounds: about.bounds,
             placement,
-            colors: ColorTable::new(about.color, &about.summary, None, None).unwrap(),
+            colors: ColorTable::new(about.color, &about.summary, &grid, None, None).unwrap(),
             summary: about.summary,
         }
     }
@@ -159,7 +158,7 @@ impl World {
     }
 
     pub fn picture(&mut self, camera: &Camera) -> Image {
-        let anchor = Height::from_units(self.bounds.center().z).unwrap();
+        let anchor = self.grid.height(self.bounds.center().z).unwrap();
         let mut renderer = Renderer::new(&self.scene, self.grid, anchor).unwrap();
         let table = renderer.table_of(&self.scene, self.live.shown());
         let data = scene::Data {

@@ -107,7 +107,7 @@ fn columns_carry_what_a_picture_asks_for() {
     common::run("columns_carry_what_a_picture_asks_for", LAVAPIPE, |setup| {
         let (gpu, data) = (setup.gpu(), town());
         let camera = &cameras(&data.bounds)[0];
-        let of = |mode| ColorTable::new(mode, &data.summary, None, None).unwrap();
+        let of = |mode| ColorTable::new(mode, &data.summary, &data.grid, None, None).unwrap();
         let (rgb, intensity, returns) = (of(ColorMode::Rgb), of(ColorMode::Intensity), of(ColorMode::Return));
         let draw = |scene: &mut Scene, colors: &ColorTable| {
             let view = View { colors, ..data.exact(camera, SIZE) };

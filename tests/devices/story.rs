@@ -5,7 +5,7 @@
 use crate::scene::{self, Data, MEASURED};
 use glam::DVec3;
 use lasray::attribute::{Attributes, ClassMask, ColorMode, ColorTable, Record};
-use lasray::coords::{HEIGHT_STEPS_PER_UNIT, Height, SectionKey};
+use lasray::coords::{Height, SectionKey};
 use lasray::gpu::{Edge, Gpu, Order};
 use lasray::render::camera::{Bounds, Camera, Projection};
 use lasray::render::frame::{Renderer, View};
@@ -189,7 +189,7 @@ impl Busy<'_> {
     }
 
     fn tell(&mut self) {
-        let steps = HEIGHT_STEPS_PER_UNIT as i32;
+        let steps = self.story.data.grid.height_step.recip() as i32;
         let (all, ground) = (ClassMask::default(), ClassMask::only(&[2]));
         let key = |place| self.story.key(place);
         let mut wanted: Shown = (0..SECTIONS).map(|place| (key(place), place * steps)).collect();

@@ -2,6 +2,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod scaled;
 #[path = "../common/scene.rs"]
 mod scene;
 mod shifted;
@@ -9,7 +10,6 @@ mod shifted;
 use common::LAVAPIPE;
 use glam::DVec3;
 use lasray::attribute::ClassMask;
-use lasray::coords::HEIGHT_STEPS_PER_UNIT;
 use lasray::gpu::Gpu;
 use lasray::render::camera::{Camera, Projection, RayBasis};
 use lasray::render::frame::{Renderer, View};
@@ -57,7 +57,7 @@ fn main_shots(data: &Data, map: &ColumnMap) -> Vec<Shot> {
 /// A place above low ground between higher things, 1.7 units over it.
 fn standing(data: &Data, map: &ColumnMap) -> DVec3 {
     let (b, cell) = (data.bounds, data.grid.cell());
-    let top = |p: DVec3| map.column([p.x, p.y].map(|v| (v / cell).floor() as i64)).map(|c| c.top());
+    let top = |p: DVec3| map.column([p.x, p.y].map(|v| (v / cell).floor() as i64)).map(|c| map.top(c));
     // The lowest of a few columns all over.
     let places = (0..400).map(|k| {
         let (x, y) = (f64::from(k % 20) / 20.0, f64::from(k / 20) / 20.0);
@@ -101,6 +101,12 @@ fn odd_shots(data: &Data) -> Vec<Shot> {
             "inside a column",
             Camera::look_at(middle.with_z(b.min.z - 3.0), center.with_z(b.max.z), WIDE).unwrap(),
         ),
+        // A few millimetres beside the plumb line: the direction is that of the places as they are given.
+        shot(
+            "nearly plumb",
+            Camera::look_at(center.with_z(b.max.z + 150.0) + DVec3::new(0.0103, 0.0201, 0.0), center, WIDE)
+                .unwrap(),
+        ),
         shot("up", Camera::orbit(middle, [0.0, -90.0], 0.3 * size.z, WIDE).unwrap()),
         shot("parallel, oblique", Camera::frame(&b, [140.0, 30.0], parallel(fit), SIZE).unwrap()),
         shot(
@@ -140,7 +146,7 @@ fn check(
         let image = renderer.draw(scene, &view).unwrap();
         let basis = shot.camera.basis(shot.size).unwrap().exaggerated(shot.z_scale, view.pivot).unwrap();
         let reference = map.render(&basis, shot.size);
-        let tolerance = Tolerance { cell_size: data.grid.cell(), height_step: 1.0 / HEIGHT_STEPS_PER_UNIT };
+        let tolerance = Tolerance { cell_size: data.grid.cell(), height_step: data.grid.height_step };
         let result = compare(&reference, &basis, shot.size[0], &image.distance, &image.class, tolerance);
         let unclear = unclear(map, &basis, &reference, &image, tolerance);
         println!("{what}, {}, {unclear} unclear: {result}", shot.name);
@@ -187,7 +193,12 @@ fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8])
     let mut renderer = data.renderer(&scene);
     let points = points(path, &data.placement);
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
-    let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &ClassMask::default(), false);
+    let map = ColumnMap::build(
+        points.iter().copied(),
+        [data.grid.cell(), data.grid.height_step],
+        &ClassMask::default(),
+        false,
+    );
     println!("{name}: {} points, cell {}, {} columns", points.len(), data.grid.cell(), map.len());
     let mut shots = main_shots(&data, &map);
     if odd {
@@ -197,7 +208,12 @@ fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8])
     if !mask.is_empty() {
         let classes = ClassMask::only(mask);
         scene.show(Visibility { classes, ..MEASURED() }).unwrap();
-        let map = ColumnMap::build(points.iter().copied(), data.grid.cell(), &classes, false);
+        let map = ColumnMap::build(
+            points.iter().copied(),
+            [data.grid.cell(), data.grid.height_step],
+            &classes,
+            false,
+        );
         wrong.extend(check(
             &data,
             &map,

@@ -116,6 +116,11 @@ fn drawing_rows(all: &Total) -> Vec<Row> {
             "cell size",
             format!("{} {unit}, {:.0} % of the cells hold a point", all.cell, 100.0 * all.coverage),
         ),
+        row(
+            "height step",
+            all.height_step
+                .map_or("none: heights are too far from 0".into(), |step| format!("{step} {unit}")),
+        ),
         row("coloured by", all.color.into()),
     ]
 }
