@@ -10,7 +10,7 @@ use crate::section::Columns;
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::Cache;
-use crate::source::placement::{Fit, KnownWorld, PlacementNote, PlacementOptions};
+use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions};
 use crate::source::{LidarFile, crs::Crs, crs::Unit};
 use crate::stream::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::stream::builds::OpenInput;
@@ -123,12 +123,13 @@ fn spans(bounds: &Bounds) -> [f64; 2] {
 pub(crate) fn auto_cell(chosen: f64, bounds: &Bounds) -> Result<f64, LoadError> {
     let [extent, reach] = spans(bounds);
     let mut least = (extent / EXTENT_CELLS).max(reach / REACH_CELLS);
-    if extent <= chosen {
-        // All of it lies in a cell or two, however large: one beside which heights can be held.
-        least = least.max(bounds.max.z.abs().max(bounds.min.z.abs()) / HEIGHT_REACH);
-    }
     if least > 1e15 || !extent.is_finite() {
         return Err(LoadError::TooWide(reach));
+    }
+    if extent <= chosen {
+        // All of it lies in a cell or two, however large: one beside which heights can be held.
+        let up = bounds.max.z.abs().max(bounds.min.z.abs());
+        least = least.max((up / HEIGHT_REACH).min(1e15));
     }
     Ok(if chosen >= least { chosen } else { least.log2().ceil().exp2() })
 }
@@ -309,6 +310,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         crs: sample.world.crs,
         unit: sample.world.unit,
         base: sample.world.base,
+        operations: sample.world.operations,
         cell,
     };
     Ok(Opening { inputs, grid, core: core(cell, &bounds), about })
@@ -454,6 +456,7 @@ pub fn tiles_of(
         crs: None,
         unit,
         base: Fit::AsIs,
+        operations: Operations::new(),
         cell,
     };
     finish(bins, about, points, options, problems)
@@ -478,6 +481,8 @@ pub struct About {
     pub unit: Option<Unit>,
     /// Coordinates of the world's system to E, N, U as they are drawn: eyes, paths and picks go through it.
     pub base: Fit,
+    /// The ways into that system that files took.
+    pub operations: Operations,
     /// Side of a finest cell, CRS units.
     pub cell: f64,
 }
@@ -485,7 +490,12 @@ pub struct About {
 impl About {
     /// What other files have to share to be shown beside these.
     pub fn world(&self) -> KnownWorld {
-        KnownWorld { crs: self.crs.clone(), unit: self.unit.clone(), base: self.base }
+        KnownWorld {
+            crs: self.crs.clone(),
+            unit: self.unit.clone(),
+            base: self.base,
+            operations: self.operations.clone(),
+        }
     }
 
     /// Where lit pictures of cells of `cell` end: a slab under the data, which low stray points do not make deeper.

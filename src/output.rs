@@ -3,6 +3,7 @@
 //! [`crate::synth`], which have a rule of their own.
 
 use crate::source::inputs::Inputs;
+use crate::source::kinds;
 use std::ffi::OsString;
 use std::fs::{File, Metadata};
 use std::io::{self, BufWriter, Read, Write};
@@ -38,6 +39,9 @@ pub enum Refusal {
     /// Its bytes are those of a point cloud.
     #[error("refused: the file there is a point cloud (it begins with LASF): give another name")]
     PointCloud,
+    /// Its bytes are those of another kind of file that points are, or may be, in.
+    #[error("refused: the file there is {0}, which points may be in: give another name")]
+    Data(&'static str),
     /// It is read by the same command.
     #[error("refused: it is an input of this command{}: give another name", also_called(.0))]
     Input(Option<PathBuf>),
@@ -113,8 +117,15 @@ impl Protected {
         if ["las", "laz", "lax"].contains(&extension.as_str()) {
             return Err(Refusal::Name(extension));
         }
-        // Links are followed. Where nothing is, or no way leads, writing succeeds or says what is wrong.
-        let Ok(there) = target.metadata() else { return Ok(()) };
+        // Links are followed. Where nothing is, or no folder, writing succeeds or says what is wrong; what cannot be looked
+        // at may be anything.
+        let there = match target.metadata() {
+            Ok(there) => there,
+            Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
+                return Ok(());
+            }
+            Err(error) => return Err(Refusal::Unreadable(error)),
+        };
         if there.is_dir() {
             return Ok(());
         }
@@ -127,6 +138,9 @@ impl Protected {
         let head = head(target).map_err(Refusal::Unreadable)?;
         if head.starts_with(b"LASF") {
             return Err(Refusal::PointCloud);
+        }
+        if let Some(kind) = kinds::of_data_within(&head) {
+            return Err(Refusal::Data(kind.what()));
         }
         if !is_ours(&head)
             && let Ok(whole) = target.canonicalize()

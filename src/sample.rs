@@ -346,6 +346,7 @@ fn facts<'a>(files: &'a [Opened], firsts: &[Vec<Seen>]) -> Vec<FileFacts<'a>> {
         points: file.points(),
         centre,
         extent: extent(file, seen),
+        step: file.header.scale.truncate().max_element(),
     };
     files.iter().zip(firsts).zip(centres).map(facts).collect()
 }

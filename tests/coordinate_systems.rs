@@ -115,7 +115,14 @@ fn real_files_are_placed_as_their_system_asks() {
         let crs = read(&file);
         let centre = (file.header.min + file.header.max) / 2.0;
         let extent = file.header.max - file.header.min;
-        let facts = FileFacts { path: file.path(), crs: crs.as_ref(), points: file.points(), centre, extent };
+        let facts = FileFacts {
+            path: file.path(),
+            crs: crs.as_ref(),
+            points: file.points(),
+            centre,
+            extent,
+            step: 0.01,
+        };
         let world = World::of(&[facts], &PlacementOptions::default());
         let placement = world.placements[0].clone().unwrap();
         (placement.place(centre.x, centre.y, centre.z), placement.is_identity(), world.notes)

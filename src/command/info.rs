@@ -369,7 +369,14 @@ fn total(sample: &Sample, reports: &[FileReport]) -> Total {
         height_p2_p98: [attributes.height.p2, attributes.height.p98],
         intensity_p2_p98: [attributes.intensity.p2, attributes.intensity.p98],
         sampled: sample.sampled,
-        notes: sample.world.notes.iter().map(note).chain(sample.notes.iter().map(frame_note)).collect(),
+        notes: sample
+            .world
+            .notes
+            .iter()
+            .map(note)
+            .chain(sample.notes.iter().map(frame_note))
+            .map(|line| harmless(&line))
+            .collect(),
         scan,
     }
 }

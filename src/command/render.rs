@@ -335,6 +335,13 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         None if args.each => Box::new(found.files.iter().map(|path| each_output(&args.output, path))),
         None => Box::new(std::iter::once(args.output.clone())),
     };
+    if let (Some(Target::File(json)), Some(_)) = (&args.json, args.ortho)
+        && ["pgw", "wld", "prj"].iter().any(|side| *json == args.output.with_extension(side))
+    {
+        let why =
+            format!("--json {}: refused: it is written beside the map: give another name", json.display());
+        return Err(UsageError(why).into());
+    }
     check_targets(&protected, pictures.map(|path| ("-o", path)), args.json.iter().map(|to| ("--json", to)))?;
     let gpu = Gpu::new(&GpuOptions { device: args.device, validate: args.validate, ..Default::default() })
         .map_err(|e| match e {

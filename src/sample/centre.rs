@@ -2,10 +2,11 @@
 
 use super::{Opened, Seen, append, median, parallel, unpack};
 use crate::source::LidarFile;
+use crate::source::crs::{Crs, CrsKind};
 use glam::DVec3;
 
 /// Files with fewer chunks are looked into: one wrong point among their first ones would count too much.
-const FEW_CHUNKS: usize = 16;
+const FEW_CHUNKS: usize = 4;
 /// Records from the start of each of their chunks.
 const RECORDS: u64 = 256;
 
@@ -15,7 +16,14 @@ const RECORDS: u64 = 256;
 pub(super) fn of_files(files: &[Opened], firsts: &[Vec<Seen>]) -> Vec<DVec3> {
     parallel(files.len(), |decoder, index| {
         let file = &files[index].file;
-        if firsts[index].is_empty() || file.chunks.len() >= FEW_CHUNKS {
+        // Of a projected system that is drawn as it is nothing is judged by the middle but which of several operations
+        // leads to another, to hundreds of kilometres.
+        let is_plain = |crs: &Crs| {
+            crs.kind == CrsKind::Projected
+                && crs.system.is_none_or(|system| system.ground_scale(0.0).is_none())
+        };
+        let is_sure = file.chunks.len() >= FEW_CHUNKS || files[index].crs.as_ref().is_some_and(is_plain);
+        if firsts[index].is_empty() || is_sure {
             return middle(file, &firsts[index]);
         }
         let mut seen = Vec::new();

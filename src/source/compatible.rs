@@ -105,7 +105,8 @@ pub(super) fn undo(file: &mut LidarFile) -> Result<(), SourceError> {
     if has_wkt {
         header.global_encoding |= 16;
     }
-    if claimed == 0 || large > u64::from(u32::MAX) {
+    // A header counts to 32 bits; what counts less was cut out of a larger file, and took the record along.
+    if claimed == 0 || claimed == u64::from(u32::MAX) && large > claimed {
         header.claimed_points = large;
     } else if large != 0 && large != claimed {
         file.warnings.push(odd(format!("it counts {large} points, the header {claimed}; {claimed} is used")));

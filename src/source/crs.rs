@@ -34,6 +34,7 @@ impl Crs {
     fn made_harmless(mut self) -> Crs {
         let units = [Some(&mut self.horizontal_unit), self.vertical_unit.as_mut()];
         let names = units.into_iter().flatten().map(|unit| &mut unit.name).chain([&mut self.name]);
+        let names = names.chain(self.vertical.as_mut());
         names.for_each(|name| *name = harmless(name));
         self
     }

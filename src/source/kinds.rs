@@ -3,6 +3,13 @@
 use std::fmt;
 use std::path::Path;
 
+impl Kind {
+    /// What it is, with its article.
+    pub fn what(&self) -> &'static str {
+        self.what
+    }
+}
+
 /// A kind of file that is not read.
 #[derive(Debug)]
 pub struct Kind {
@@ -136,6 +143,12 @@ pub fn of_name(path: &Path) -> Option<&'static Kind> {
 /// The same, of those that points are in.
 pub fn of_data(path: &Path) -> Option<&'static Kind> {
     of_name(path).filter(|kind| kind.is_data)
+}
+
+/// Of those that points are in, what a file that begins with `head` is by its content.
+pub fn of_data_within(head: &[u8]) -> Option<&'static Kind> {
+    let has = |(at, mark): &(usize, &[u8])| head.get(*at..).is_some_and(|rest| rest.starts_with(mark));
+    KINDS.iter().find(|kind| kind.is_data && kind.marks.iter().any(has))
 }
 
 /// What is no file at all: a URL, standard input.

@@ -175,6 +175,8 @@ pub struct FileFacts<'a> {
     pub centre: DVec3,
     /// How far its points spread about that, without strays.
     pub extent: DVec3,
+    /// Step of X and Y.
+    pub step: f64,
 }
 
 /// A system that files are taken to be in: those whose name fits the pattern, whatever they say; without a pattern those
@@ -211,6 +213,8 @@ pub struct KnownWorld {
     pub unit: Option<Unit>,
     /// How the system is drawn.
     pub base: Fit,
+    /// The ways into it that files took.
+    pub operations: Operations,
 }
 
 /// The one coordinate system that is drawn, and how each file gets there.
@@ -223,6 +227,8 @@ pub struct World {
     pub unit: Option<Unit>,
     /// How the system is drawn: what eyes, picks and paths go through.
     pub base: Fit,
+    /// The ways into it that files took.
+    pub operations: Operations,
     /// One a file; `None`: left out.
     pub placements: Vec<Option<Placement>>,
     /// What the user should know.
@@ -373,6 +379,8 @@ const SAME_UNIT: f64 = 1e-5;
 const MOST_LONGITUDE: f64 = 360.0;
 const MOST_LATITUDE: f64 = 90.0;
 const TALL: f64 = 200.0;
+/// And steps of at most so much: a metre on the ground. What is measured in metres is kept in coarser ones.
+const ANGLE_STEP: f64 = 1e-5;
 /// Distance from the Earth's centre, km, and least distance from the plane of the equator, m: UTM coordinates may be as
 /// far from 0, 0, 0, but their heights are small.
 const EARTH_KM: std::ops::RangeInclusive<f64> = 6330.0..=6400.0;
@@ -416,7 +424,6 @@ impl World {
                 let centre = median(files.iter().zip(&ways).filter_map(|(file, way)| match way {
                     Way::LeftOut => None,
                     Way::Member => Some(file.centre),
-                    Way::Through(through) if through.is_spatial() => None,
                     Way::Through(through) => Some(through.point(file.centre)),
                 }));
                 let unit = taken.iter().find_map(|taken| taken.unit.clone());
@@ -425,6 +432,7 @@ impl World {
             }
         };
         let horizontal = world.unit.clone().unwrap_or_else(Unit::metre);
+        let metre = Unit::metre();
         let mut heights: Vec<(Unit, usize)> = Vec::new();
         for ((file, taken), way) in files.iter().zip(&taken).zip(ways) {
             let through = match way {
@@ -437,9 +445,12 @@ impl World {
             };
             let crs = taken.crs.as_deref().or(majority);
             let stated = options.z_unit.as_ref().or(crs.and_then(|crs| crs.vertical_unit.as_ref()));
-            // Where nothing is said, heights are in the unit of E and N, if that is one of length.
-            let of_plane = crs.filter(|crs| crs.kind != CrsKind::Geographic).map(|crs| &crs.horizontal_unit);
-            let unit = stated.or(of_plane.filter(|_| through.is_some()));
+            // Where nothing is said, heights are in the unit of E and N, or in metres beside angles.
+            let usual = match crs {
+                Some(crs) if crs.kind != CrsKind::Geographic => &crs.horizontal_unit,
+                _ => &metre,
+            };
+            let unit = stated.or(Some(usual).filter(|_| through.is_some()));
             let up = unit.map_or(1.0, |unit| up_factor(unit, &horizontal));
             if let Some(unit) = unit.filter(|_| up != 1.0 && file.points > 0) {
                 match heights.iter_mut().find(|(known, _)| known == unit) {
@@ -454,7 +465,7 @@ impl World {
                     match through {
                         Some(through) if through.is_spatial() => {
                             let metres = match taken.crs.as_deref().map(|crs| crs.kind) {
-                                Some(CrsKind::Geocentric) => 1.0,
+                                Some(CrsKind::Geocentric) => crs.map_or(1.0, |crs| crs.horizontal_unit.si),
                                 _ => unit.map_or(1.0, |unit| unit.si),
                             };
                             let fit = match base {
@@ -581,7 +592,26 @@ fn recognise(file: &FileFacts) -> Option<bool> {
     let across = extent.x.max(extent.y);
     let fits = centre.x.abs() <= MOST_LONGITUDE && centre.y.abs() <= MOST_LATITUDE;
     // A mast stands on some ground: without an extent nothing is sure.
-    (fits && across > 0.0 && extent.z > TALL * across).then_some(false)
+    let is_tall = across > 0.0 && extent.z > TALL * across;
+    (fits && is_tall && file.step <= ANGLE_STEP).then_some(false)
+}
+
+/// The operations from systems into the world's: one for all files of a system, whenever they come, so that tiles fit
+/// together.
+pub type Operations = Vec<(System, Arc<Reprojection>)>;
+
+/// A file's system: what it is taken to be in, or the others'. What names no datum is that of files which name one and are
+/// the same but for that; of several the one with the most points.
+fn own_system(taken: &Taken, named: &[(&Crs, u64)], others: Option<&Crs>) -> Option<Crs> {
+    let own = taken.crs.as_deref().or(others)?;
+    let is_open = own.system.is_some_and(|system| !system.names_its_datum());
+    let fitting = named.iter().filter(|(crs, _)| is_open && crs.same_horizontal(own));
+    let named = fitting.max_by(|a, b| (a.1, &b.0.name).cmp(&(b.1, &a.0.name)));
+    Some(match named {
+        // The file's own words of heights stay.
+        Some((crs, _)) => Crs { system: crs.system, ..own.clone() },
+        None => own.clone(),
+    })
 }
 
 /// How each file gets into the world's system. `of_files`: what they are taken to be in.
@@ -594,10 +624,25 @@ fn ways(
 ) -> Vec<Way> {
     let is_plane = |crs: &Crs| matches!(crs.kind, CrsKind::Projected | CrsKind::Unknown);
     let name = |crs: Option<&Crs>| crs.map_or("none that is named".to_owned(), |crs| crs.name.clone());
+    let mut named: Vec<(&Crs, u64)> = Vec::new();
+    for (file, taken) in files.iter().zip(of_files) {
+        let Some(crs) = taken.crs.as_deref() else { continue };
+        if crs.system.is_some_and(|system| system.names_its_datum()) {
+            match named.iter_mut().find(|(known, _)| known.same_horizontal(crs)) {
+                Some((_, points)) => *points = points.saturating_add(file.points),
+                None => named.push((crs, file.points)),
+            }
+        }
+    }
     // Metres or feet on a plane may be taken for the neighbours'; angles may not.
-    let own_of = |taken: &Taken| taken.crs.as_deref().or(majority.filter(|crs| is_plane(crs))).cloned();
-    let own: Vec<Option<Crs>> = of_files.iter().map(own_of).collect();
-    // One operation for all files of a system, so that tiles fit together.
+    let others = majority.filter(|crs| is_plane(crs));
+    let own: Vec<Option<Crs>> = of_files.iter().map(|taken| own_system(taken, &named, others)).collect();
+    // Those that name their datum and those that do not are different things to an operation.
+    let is_one = |a: &Crs, b: &Crs| {
+        let names = |crs: &Crs| crs.system.is_some_and(|system| system.names_its_datum());
+        names(a) == names(b) && a.same_horizontal(b)
+    };
+    world.operations = options.known.as_ref().map_or_else(Vec::new, |known| known.operations.clone());
     let mut known: Vec<(&Crs, usize, Operation)> = Vec::new();
     let mut assumed = 0;
     let mut ways = Vec::with_capacity(files.len());
@@ -609,12 +654,21 @@ fn ways(
             (Some(own), None) if options.known.is_some() && is_plane(own) => Ok(Way::Member),
             (None, Some(to)) if is_plane(to) => Ok(Way::Member),
             (Some(crs), Some(to)) => {
-                let at = known.iter().position(|(other, ..)| other.same_horizontal(crs));
+                let at = known.iter().position(|(other, ..)| is_one(other, crs));
                 let at = at.unwrap_or_else(|| {
                     let alike = files.iter().zip(&own).filter_map(|(file, own)| {
-                        own.as_ref().filter(|own| own.same_horizontal(crs)).map(|_| file.centre)
+                        own.as_ref().filter(|own| is_one(own, crs)).map(|_| file.centre)
                     });
-                    known.push((crs, 0, between(crs, to, median(alike))));
+                    let used =
+                        world.operations.iter().find(|(system, _)| Some(system) == crs.system.as_ref());
+                    let operation = match used {
+                        Some((_, through)) => Ok(Arc::clone(through)),
+                        None => between(crs, to, median(alike)),
+                    };
+                    if let (Ok(through), None, Some(system)) = (&operation, used, crs.system) {
+                        world.operations.push((system, Arc::clone(through)));
+                    }
+                    known.push((crs, 0, operation));
                     known.len() - 1
                 });
                 let (_, count, through) = &mut known[at];
@@ -624,8 +678,8 @@ fn ways(
             (None, Some(_)) => Err("what names none cannot be placed among angles".to_owned()),
             (Some(_), None) => Err("the other files name none".to_owned()),
         };
-        let named = of_files[index].crs.is_some();
-        assumed += usize::from(!named && file.points > 0 && way.is_ok() && world.crs.is_some());
+        let is_named = of_files[index].crs.is_some();
+        assumed += usize::from(!is_named && file.points > 0 && way.is_ok() && world.crs.is_some());
         ways.push(way.unwrap_or_else(|why| {
             if file.points > 0 {
                 let (found, to) = (name(own[index].as_ref()), name(world.crs.as_ref()));
@@ -846,6 +900,7 @@ mod tests {
             points: 10,
             centre: DVec3::from(centre),
             extent: DVec3::new(100.0, 100.0, 10.0),
+            step: 0.001,
         }
     }
 
@@ -938,7 +993,12 @@ mod tests {
     fn more_files_come_to_a_known_world() {
         let [utm, lambert, wgs84] = [32632, 2154, 4326].map(|code| definition(code).unwrap());
         let come_to = |files: &[FileFacts], known: World| {
-            let known = KnownWorld { crs: known.crs, unit: known.unit, base: known.base };
+            let known = KnownWorld {
+                crs: known.crs,
+                unit: known.unit,
+                base: known.base,
+                operations: known.operations,
+            };
             World::of(files, &PlacementOptions { known: Some(known), ..Default::default() })
         };
         let of = |crs, at| World::of(&[facts(crs, at)], &PlacementOptions::default());
@@ -966,6 +1026,98 @@ mod tests {
         let placement = first.placements[0].clone();
         let world = come_to(&[facts(Some(&wgs84), [9.0, 58.0, 0.0])], first);
         assert_eq!((world.placements[0].clone(), world.unit), (placement, Some(Unit::metre())));
+    }
+
+    #[test]
+    fn worlds_of_another_kind_than_all_files_have_a_middle() {
+        let ecef = |latitude: f64, longitude: f64| {
+            let ((s, c), (sl, cl)) = (latitude.to_radians().sin_cos(), longitude.to_radians().sin_cos());
+            let n = A / (1.0 - E2 * s * s).sqrt();
+            [n * c * cl, n * c * sl, n * (1.0 - E2) * s]
+        };
+        let to = |code, of, at| {
+            let (world_crs, of) = (definition(code), definition(of).unwrap());
+            let options = PlacementOptions { crs: world_crs, ..Default::default() };
+            World::of(&[facts(Some(&of), at)], &options)
+        };
+        let degrees = to(4326, 4978, ecef(48.0, 9.0));
+        assert!(degrees.notes.contains(&PlacementNote::Degrees { latitude: 48.0 }), "{:?}", degrees.notes);
+        let mercator = to(3857, 4978, ecef(60.0, 9.0));
+        let stretched =
+            |note: &PlacementNote| matches!(note, PlacementNote::Stretched { latitude: 60.0, .. });
+        assert!(mercator.notes.iter().any(stretched), "{:?}", mercator.notes);
+        let upright = to(4978, 25832, [5e5, 5.3e6, 100.0]);
+        assert!(matches!(upright.base, Fit::Turned { .. }));
+        let at = upright.placements[0].as_ref().unwrap();
+        let up = at.place(5e5, 5.3e6, 110.0) - at.place(5e5, 5.3e6, 100.0);
+        assert!((up - DVec3::new(0.0, 0.0, 10.0)).length() < 0.01, "{up}");
+    }
+
+    #[test]
+    fn a_datum_that_is_not_named_is_that_of_files_which_are_the_same_but_for_it() {
+        let gda94 = definition(28355).unwrap();
+        let mut unnamed = gda94.clone();
+        let text = gda94.wkt.as_ref().unwrap().replace("AUTHORITY", "NOTHING");
+        unnamed.system =
+            super::super::crs::from_wkt(&text.replace("Geocentric_Datum_of_Australia_1994", "x"))
+                .unwrap()
+                .system;
+        assert!(!unnamed.system.unwrap().names_its_datum());
+        let options = PlacementOptions { crs: definition(7856), ..Default::default() };
+        let at = [5e5, 6.2e6, 0.0];
+        for files in [
+            [facts(Some(&unnamed), at), facts(Some(&gda94), at)],
+            [facts(Some(&gda94), at), facts(Some(&unnamed), at)],
+        ] {
+            let world = World::of(&files, &options);
+            let [a, b] = [0, 1].map(|k| world.placements[k].as_ref().unwrap().place(at[0], at[1], at[2]));
+            assert!((a - b).length() < 1e-6, "{a} {b} {:?}", world.notes);
+            assert_eq!(world.operations.len(), 1);
+        }
+        // Files that come later go the same way.
+        let first = World::of(&[facts(Some(&gda94), at)], &options);
+        let known = KnownWorld {
+            crs: first.crs.clone(),
+            unit: first.unit.clone(),
+            base: first.base,
+            operations: first.operations.clone(),
+        };
+        let far = [6e5, 6.9e6, 0.0];
+        let later =
+            World::of(&[facts(Some(&gda94), far)], &PlacementOptions { known: Some(known), ..options });
+        assert!(Arc::ptr_eq(&later.operations[0].1, &first.operations[0].1));
+    }
+
+    #[test]
+    fn datums_that_are_not_named_are_guessed_near_wgs_84_alone() {
+        let lv95 = definition(2056).unwrap();
+        let text = r#"PROJCS["x",GEOGCS["x",DATUM["x",SPHEROID["x",6377397.155,299.1528128]],PRIMEM["Greenwich",0],
+            UNIT["degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["central_meridian",9],
+            PARAMETER["scale_factor",1],PARAMETER["false_easting",3500000],UNIT["metre",1]]"#;
+        let unnamed = super::super::crs::from_wkt(text).unwrap();
+        let options = PlacementOptions { crs: Some(lv95), ..Default::default() };
+        let world = World::of(&[facts(Some(&unnamed), [3.5e6, 5.3e6, 0.0])], &options);
+        assert!(matches!(world.notes[..], [PlacementNote::LeftOut { file: 0, .. }]), "{:?}", world.notes);
+    }
+
+    #[test]
+    fn heights_beside_degrees_are_metres_where_nothing_is_said() {
+        let (feet, degrees) = (definition(2992).unwrap(), definition(4269).unwrap());
+        let files = [facts(Some(&feet), [6e5, 8e5, 400.0]), facts(Some(&degrees), [-123.0, 44.0, 120.0])];
+        let world = World::of(&files, &PlacementOptions::default());
+        let at = world.placements[1].as_ref().unwrap().place(-123.0, 44.0, 120.0);
+        assert!((at.z - 120.0 / 0.3048).abs() < 1e-9, "{at}");
+        assert!(world.notes.iter().any(|note| matches!(note, PlacementNote::HeightUnit { files: 1, .. })));
+    }
+
+    #[test]
+    fn a_mast_is_no_degrees() {
+        // 30 m high, 0.1 m wide, about 0, 0; in millimetres.
+        let mast = FileFacts { extent: DVec3::new(0.1, 0.1, 30.0), ..facts(None, [0.0, 0.0, 15.0]) };
+        assert!(World::of(&[mast], &PlacementOptions::default()).notes.is_empty());
+        let degrees = FileFacts { step: 1e-7, extent: DVec3::new(0.01, 0.01, 30.0), ..mast };
+        let world = World::of(&[degrees], &PlacementOptions::default());
+        assert!(matches!(world.notes[0], PlacementNote::Recognised { files: 1, .. }), "{:?}", world.notes);
     }
 
     #[test]

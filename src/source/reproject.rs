@@ -18,18 +18,21 @@ const PATCH_METRES: f64 = 1024.0;
 const PATCH_DEGREES: f64 = 1.0 / 128.0;
 /// Farthest that a patch may be from the operation, metres.
 const PATCH_ERROR: f64 = 1e-4;
-/// Patches that are kept: 36,000 square kilometres. Beyond that the operation itself serves.
-const MOST_PATCHES: usize = 1 << 15;
-/// Intervals on a side of a box whose border is followed.
+/// Patches that are kept, some 25 MB, of 50,000 to 130,000 square kilometres; then all of them are made anew.
+const MOST_PATCHES: usize = 1 << 17;
+/// Intervals on a side of a box whose border is followed: eight points between the corners.
 const INTERVALS: usize = 9;
 
 /// Coordinates of one system in another.
 pub struct Reprojection {
     transform: Transform,
-    /// Unit of the source in degrees where it is geographic, else 1; likewise 1 / that of the target.
+    /// Unit of the source in degrees where it is geographic, in metres where it is geocentric, else 1; likewise 1 / that
+    /// of the target.
     scale: [f64; 2],
     /// A side counts from the Earth's centre: Z takes part, in metres.
     is_spatial: bool,
+    /// What Z is multiplied with behind a spatial operation.
+    scale_up: f64,
     /// Side of a patch, units of the source.
     patch: f64,
     /// Tolerance of a patch, units of the target.
@@ -61,7 +64,8 @@ impl Reprojection {
     /// From one system to another. `near`: a point in the middle of the data, by which the operation is chosen.
     /// Errors: why there is no way, in words.
     pub fn between(from: &System, to: &System, near: DVec3) -> Result<Reprojection, String> {
-        let unit = |system: &System| if system.is_geographic() { system.unit() } else { 1.0 };
+        let is_linear = |system: &System| !system.is_geographic() && !system.is_geocentric();
+        let unit = |system: &System| if is_linear(system) { 1.0 } else { system.unit() };
         let scale = [unit(from), 1.0 / unit(to)];
         let is_spatial = from.is_geocentric() || to.is_geocentric();
         let make = |from: &System, to: &System| {
@@ -95,6 +99,8 @@ impl Reprojection {
             },
         };
         let operation = transform.selected_operation();
+        // What was assumed has no accuracy.
+        let accuracy = operation.accuracy.filter(|_| !assumes_datum).map(|accuracy| accuracy.meters);
         let patch = match from.is_geographic() {
             true => PATCH_DEGREES / from.unit(),
             false => (PATCH_METRES / from.unit()).log2().floor().exp2(),
@@ -109,7 +115,8 @@ impl Reprojection {
             },
             patches: RwLock::default(),
             operation: operation.name.clone(),
-            accuracy: operation.accuracy.map(|accuracy| accuracy.meters),
+            accuracy,
+            scale_up: if to.is_geocentric() { scale[1] } else { 1.0 },
             assumes_datum,
             transform,
         })
@@ -135,7 +142,7 @@ impl Reprojection {
 
     fn spatially(&self, p: DVec3) -> DVec3 {
         match self.transform.convert_3d(Coord3D::new(p.x * self.scale[0], p.y * self.scale[0], p.z)) {
-            Ok(at) => DVec3::new(at.x * self.scale[1], at.y * self.scale[1], at.z),
+            Ok(at) => DVec3::new(at.x * self.scale[1], at.y * self.scale[1], at.z * self.scale_up),
             Err(_) => DVec3::NAN,
         }
     }
@@ -183,14 +190,13 @@ impl Reprojection {
         if let Some(patch) = known.get(&key) {
             return patch.clone();
         }
-        if known.len() >= MOST_PATCHES {
-            // Made each time, and forgotten: what a point comes to must not depend on what was read before.
-            drop(known);
-            return self.make_patch(key).map(Arc::new);
-        }
         drop(known);
         let patch = self.make_patch(key).map(Arc::new);
         let mut known = self.patches.write().unwrap_or_else(PoisonError::into_inner);
+        if known.len() >= MOST_PATCHES {
+            // Not the operation instead: what a point comes to must not depend on what was read before.
+            known.clear();
+        }
         known.entry(key).or_insert(patch).clone()
     }
 
@@ -204,7 +210,8 @@ impl Reprojection {
         checked.into_iter().all(|(u, v)| within(u, v)).then_some(patch)
     }
 
-    /// A box around what a box of the source comes to; `None` where that is not known.
+    /// A box around what a box of the source comes to; `None` where that is not known, as between a geocentric system and
+    /// another: then all of a file is looked at.
     pub fn bounds(&self, min: DVec3, max: DVec3) -> Option<[DVec3; 2]> {
         if self.is_spatial || !(min.is_finite() && max.is_finite()) {
             return None;
@@ -218,11 +225,12 @@ impl Reprojection {
             _ => DVec2::new(min.x, max.y),
         };
         let (mut low, mut high, mut margin) = (DVec2::INFINITY, DVec2::NEG_INFINITY, DVec2::ZERO);
+        let mut last = Last::default();
         for side in 0..4 {
             let mut points = [DVec2::NAN; INTERVALS + 1];
             for (k, point) in points.iter_mut().enumerate() {
                 let at = corner(side).lerp(corner(side + 1), k as f64 / INTERVALS as f64);
-                *point = self.exactly(at.x, at.y);
+                *point = self.planar(&mut last, at.x, at.y);
                 if !point.is_finite() {
                     return None;
                 }

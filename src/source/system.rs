@@ -101,6 +101,15 @@ impl Projection {
         }
     }
 
+    /// Itself where all of its numbers are some.
+    fn checked(self) -> Option<Projection> {
+        let [lat1, lat2] = self.parallels;
+        let [east, north] = self.offset;
+        let numbers =
+            [self.lat0, self.lon0, lat1, lat2, self.azimuth, self.grid_angle, self.scale, east, north];
+        numbers.iter().all(|v| v.is_finite()).then_some(self)
+    }
+
     fn is(&self, other: &Projection) -> bool {
         let angles =
             |p: &Projection| [p.lat0, p.lon0, p.parallels[0], p.parallels[1], p.azimuth, p.grid_angle];
@@ -201,7 +210,7 @@ impl Datum {
     }
 }
 
-/// EPSG codes of the ellipsoids' datums are not needed; this is the one of WGS 84 itself.
+/// The datum of WGS 84 itself.
 const WGS84: Datum = Datum { code: Some(6326), ellipsoid: [6_378_137.0, 298.257_223_563], to_wgs84: None };
 
 impl System {
@@ -308,11 +317,12 @@ impl System {
             }
             _ => return None,
         };
-        Some(System { form: Form::Projected(projection), datum, unit, code: None })
+        Some(System { form: Form::Projected(projection.checked()?), datum, unit, code: None })
     }
 
-    /// The same with coordinates in another unit, metres.
+    /// The same with coordinates in another unit: metres, or radians for an angle.
     pub fn in_unit(self, unit: f64) -> System {
+        let unit = if self.is_geographic() { unit.to_degrees() } else { unit };
         System { unit, code: None, ..self }
     }
 
@@ -389,7 +399,13 @@ impl System {
                     0, base, definition, method, unit, "",
                 ))
             }
-            Form::Registered(code) => proj_core::lookup_epsg(code)?.horizontal_crs()?,
+            Form::Registered(code) => {
+                let unit = LinearUnit::from_meters_per_unit(self.unit).ok()?;
+                let method = proj_core::lookup_epsg(code)?.as_projected()?.method();
+                CrsDef::Projected(ProjectedCrsDef::new_with_base_geographic_crs(
+                    0, base, definition, method, unit, "",
+                ))
+            }
         })
     }
 
@@ -432,9 +448,12 @@ impl System {
         self.datum.is_on_ellipsoid_of(&WGS84) && other.datum.is_on_ellipsoid_of(&WGS84)
     }
 
-    /// Whether one of the two names no datum, and that of the other may be its own.
+    /// Whether one of the two names no datum, and that of the other may be its own: on ellipsoids that several datums
+    /// share, such as Bessel's, those may be a hundred metres apart.
     pub(super) fn may_be_on_datum_of(&self, other: &System) -> bool {
-        !(self.names_its_datum() && other.names_its_datum()) && self.datum.is(&other.datum)
+        !(self.names_its_datum() && other.names_its_datum())
+            && self.datum.is(&other.datum)
+            && self.is_near(other)
     }
 
     /// Both on the datum that one of them names; on one of no name where neither does.
@@ -654,9 +673,7 @@ fn projection_of(
         }
         _ => {}
     }
-    let finite =
-        [projection.lat0, projection.lon0, projection.scale, projection.offset[0], projection.offset[1]];
-    finite.iter().all(|v| v.is_finite()).then_some(projection)
+    projection.checked()
 }
 
 #[cfg(test)]
@@ -766,6 +783,20 @@ mod tests {
             PARAMETER["Standard_Parallel_2",49],PARAMETER["Latitude_Of_Origin",46.5],UNIT["Meter",1]]"#,
         );
         assert!(swapped.unwrap().system.unwrap().is(&lambert));
+    }
+
+    #[test]
+    fn units_of_angles_and_of_registered_projections_count() {
+        let degrees = definition(4326).unwrap().system.unwrap();
+        let grads = degrees.in_unit(1f64.to_radians() * 0.9);
+        assert!((grads.unit() - 0.9).abs() < 1e-12);
+        // Krovak is not taken apart here.
+        let krovak = definition(5514).unwrap().system.unwrap();
+        assert!(matches!(krovak.form, Form::Registered(5514)));
+        let feet = krovak.in_unit(0.3048).definition().unwrap();
+        assert_eq!(feet.as_projected().unwrap().linear_unit_to_meter(), 0.3048);
+        let broken = ESRI.replace(r#""Central_Meridian",9.0"#, r#""Central_Meridian",nan"#);
+        assert_eq!(from_wkt(&broken).unwrap().system, None);
     }
 
     #[test]

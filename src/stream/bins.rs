@@ -269,7 +269,7 @@ impl Binner {
     }
 
     /// Puts those points of `block` into their columns whose section (of `grid`, at level 0) `section` gives. Points
-    /// outside `core` (cells of the base grid) are left out.
+    /// outside `core` (cells of the base grid) are left out. Gives how many have no cell or height at all.
     pub fn bin_into(
         &mut self,
         grid: &Grid,
@@ -277,14 +277,15 @@ impl Binner {
         meaning: &impl Meaning,
         block: &PointBlock,
         section: &dyn Fn(SectionKey) -> Option<Shared>,
-    ) {
-        let mut first = 0;
+    ) -> u64 {
+        let (mut first, mut outside) = (0, 0);
         while first < block.len() {
-            let (next, _) = self.place(grid, core, meaning, block, first, &mut |_, _| ());
+            let (next, nowhere) = self.place(grid, core, meaning, block, first, &mut |_, _| ());
             self.group();
             self.put(meaning, block, first, section);
-            first = next;
+            (first, outside) = (next, outside + nowhere);
         }
+        outside
     }
 
     /// Adds the points that were placed and grouped, from `first` on; gives the bytes by which sections grew, here and

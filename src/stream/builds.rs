@@ -67,6 +67,8 @@ struct Chunk {
     busy: bool,
     /// It was read, whole or not: what it lacks stays away.
     broken: bool,
+    /// It was said that points of it are nowhere.
+    is_told: bool,
     /// Sections that lack it.
     lacked_by: u32,
 }
@@ -119,6 +121,8 @@ pub struct Outcome {
     pub error: Option<SourceError>,
     /// Points read.
     pub points: u64,
+    /// Of those, such as no cell or height can hold, or that have no place in the world's coordinate system.
+    pub nowhere: u64,
 }
 
 /// How far reading is.
@@ -272,7 +276,15 @@ impl Builds {
             let cells = cells.or_else(node).map(|(told, cells)| (told, around(cells)));
             let learned = known.filter(|(told, _)| *told == Told::Cache).map(|(_, bounds)| bounds);
             let source = source as u32;
-            chunks.push(Chunk { source, cells, learned, busy: false, broken: false, lacked_by: 0 });
+            chunks.push(Chunk {
+                source,
+                cells,
+                learned,
+                busy: false,
+                broken: false,
+                is_told: false,
+                lacked_by: 0,
+            });
         }
         let source = Source {
             input: Arc::new(input),
@@ -457,6 +469,13 @@ impl Builds {
             return;
         }
         state.busy = false;
+        if outcome.nowhere > 0 && !std::mem::replace(&mut state.is_told, true) {
+            let (path, points) = (input.file.path().display(), outcome.nowhere);
+            let are = if points == 1 { "point is" } else { "points are" };
+            self.warnings.push(format!(
+                "{path}: chunk {index}: {points} {are} not drawn: no place in the picture's coordinate system, or beyond what a height or cell can be"
+            ));
+        }
         let lost = matches!(outcome.error, Some(SourceError::Io { .. } | SourceError::Changed { .. }));
         let broken = outcome.error.is_some();
         if let Some(error) = outcome.error {

@@ -490,10 +490,12 @@ fn read(grid: &Grid, core: &Core, decoder: &mut Decoder, binner: &mut Binner, jo
         for (axis, values) in [&block.x, &block.y, &block.z].into_iter().enumerate() {
             raw.widen(axis, values);
         }
+        let mut nowhere = 0;
         for (grid, of_level) in &levels {
-            binner
+            nowhere = binner
                 .bin_into(grid, core, &*job.input, block, &|key| of_level.get(&key).map(|&s| Arc::clone(s)));
         }
+        outcome.nowhere += nowhere;
     });
     outcome.bounds = raw.is_sound().then_some(raw);
     outcome.error = result.err();

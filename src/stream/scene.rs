@@ -18,9 +18,9 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
-/// Most height steps a cell by which the ends of a gap may differ and it still be a slope: gaps are up to five cells wide,
-/// and their rise fits 32 bits.
-const STEEPEST: f64 = (1 << 29) as f64;
+/// Most height steps a cell by which the ends of a gap may differ and it still be a slope: the ends of a gap are up to five
+/// cells apart, and their rise must fit a signed number of 32 bits.
+const STEEPEST: f64 = (i32::MAX / 5) as f64;
 /// Table copies, hence frames that may be under way at once.
 const FRAMES_IN_FLIGHT: usize = 2;
 

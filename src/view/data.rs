@@ -334,14 +334,15 @@ impl Data {
     /// Whether the grid of those that are there reaches files.
     fn reaches(&self, opening: &Opening) -> bool {
         let bounds = opening.about.bounds;
-        cells_of(&self.grid, bounds.min, bounds.max).is_some()
+        let has_heights = [bounds.min.z, bounds.max.z].iter().all(|&u| self.grid.height(u).is_some());
+        has_heights && cells_of(&self.grid, bounds.min, bounds.max).is_some()
     }
 
     /// More files, on the grid of those that are there.
     fn join(&mut self, asked: Vec<OsString>, opening: Result<Opening, LoadError>, mut problems: Problems) {
         let opening = match opening {
             Ok(opening) if self.reaches(&opening) => Ok(opening),
-            Ok(_) => Err("they are too far from what is shown".to_owned()),
+            Ok(_) => Err("they are too far from what is shown, in height or aside".to_owned()),
             Err(error) => Err(error.to_string()),
         };
         let opening = match opening {
@@ -419,7 +420,7 @@ impl Data {
         self.take_in(problems);
         let (opening, why) = match opening {
             Ok(opening) if self.reaches(&opening) => (Some(opening), String::new()),
-            Ok(_) => (None, ": it is too far from the others".to_owned()),
+            Ok(_) => (None, ": it is too far from the others, in height or aside".to_owned()),
             Err(error) => (None, format!(": {error}")),
         };
         let core = opening.as_ref().map(|opening| self.widen(&opening.about));

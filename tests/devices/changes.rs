@@ -171,7 +171,8 @@ fn files_that_are_dropped_come_to_those_that_are_there() {
         let (first, second, third) = (town("a.las", -60.0), town("b.las", 0.0), town("c.las", 60.0));
         // No coordinate system: none of its records is of any kind that is known.
         let unnamed = with(&second, "unnamed.las", b"LASF_Projection", b"OASF_Projection");
-        let other = with(&third, "other.las", b"25832", b"25833");
+        // Another ellipsoid: neither are its coordinates the others', nor is there a way to them.
+        let other = with(&third, "other.las", b"6378137", b"6377397");
         let all = super::town().bounds;
         let camera = Camera::orbit(all.center(), [20.0, 50.0], 300.0, Projection::default()).unwrap();
         let mut together = Seen::open(setup.gpu(), &[first.clone(), unnamed.clone(), third.clone()], camera);
