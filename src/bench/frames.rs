@@ -82,19 +82,14 @@ pub fn differing(ours: &Image, theirs: &Picture) -> usize {
 }
 
 /// The window around an eye.
-pub(super) fn window(config: Config, world: &World, eye: DVec3) -> [[i32; 2]; 2] {
+pub fn window(config: Config, world: &World, eye: DVec3) -> [[i32; 2]; 2] {
     let cell = world.grid.cell();
     let index = |v: f64, axis: usize| ((v / cell).floor() as i64 - world.grid.anchor[axis]) as i32;
     config.window([index(eye.x, 0), index(eye.y, 1)])
 }
 
 /// A view of one window, unlit.
-pub(super) fn view<'a>(
-    world: &'a World,
-    camera: &'a Camera,
-    size: [u32; 2],
-    window: [[i32; 2]; 2],
-) -> View<'a> {
+pub fn view<'a>(world: &'a World, camera: &'a Camera, size: [u32; 2], window: [[i32; 2]; 2]) -> View<'a> {
     let cell = world.grid.cell();
     let corner = |at: [i32; 2], z: f64| {
         let [e, n] = [0, 1].map(|a| (i64::from(at[a]) + world.grid.anchor[a]) as f64 * cell);

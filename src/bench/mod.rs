@@ -5,11 +5,13 @@ mod cache;
 pub mod frames;
 pub mod ingest;
 pub mod load;
+pub mod log;
 #[cfg(feature = "embree")]
 pub mod peer;
 pub mod plot;
 pub mod pool;
 pub mod report;
+pub mod steady;
 pub mod stream;
 pub mod thesis;
 pub mod world;

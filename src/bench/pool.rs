@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 /// Frames that are looked ahead, at the speed of the moment.
 pub const AHEAD: u32 = 3;
-/// Device memory for sections, bytes.
-const BUDGET: u64 = 3 << 30;
+/// Most device memory for sections, bytes.
+pub const BUDGET: u64 = 3 << 30;
 
 /// The pipeline for one window size.
 pub struct Pool {
@@ -47,6 +47,11 @@ impl Pool {
         let side = u64::from(cells.div_ceil(1 << SECTION_LOG2)) + 3;
         let count = side * (side + 2 * u64::from(AHEAD));
         let access = Access::best(gpu, count * world.mean_derived_bytes());
+        Pool::with_access(gpu, world, access, budget)
+    }
+
+    /// The same, reached by `access`, of at most `budget` bytes.
+    pub fn with_access(gpu: &Gpu, world: &World, access: Access, budget: u64) -> Result<Pool, FrameError> {
         let cell = world.grid.cell();
         let mut scene = Scene::new(gpu, |o: Order| o, access, budget, world.visibility, cell)?;
         scene.time();
@@ -128,6 +133,19 @@ impl Pool {
         self.scene.settle()?;
         times.copy_ms = self.device_ms()?;
         Ok(times)
+    }
+
+    /// Makes what `window` holds resident, and no more than that if there is no room.
+    pub fn place(&mut self, world: &World, window: [[i32; 2]; 2]) -> anyhow::Result<()> {
+        self.stream(world, &[window], &mut FrameTimes::default())?;
+        self.scene.settle()?;
+        self.device_ms()?;
+        Ok(())
+    }
+
+    /// For frames of other renderers than its own.
+    pub fn scene(&mut self) -> &mut Scene {
+        &mut self.scene
     }
 
     /// Device time of the copies and derived passes that have ended since the last look, ms.

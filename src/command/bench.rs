@@ -3,16 +3,14 @@
 use super::render::{bytes, positive, size, usage_of_load};
 use super::synth::count;
 use super::{Outcome, UsageError};
-use crate::attribute::{ClassMask, ColorTable};
 use crate::bench::frames::{self, Options, PoolRun, Stopped, ThesisRun};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::load as loading;
 use crate::bench::report::{Pipeline, Report, Row, ScalingRow, Skipped, Stat};
 use crate::bench::stream;
 use crate::bench::thesis::{Config, Thesis};
-use crate::bench::world::World;
+use crate::bench::world::{self, TOWN_POINTS, World};
 use crate::bench::{self, FrameTimes, plot};
-use crate::coords::SECTION_SIDE;
 use crate::gpu::{Gpu, GpuError, GpuOptions};
 use crate::load::{self, LoadOptions};
 use crate::problems::Problems;
@@ -22,7 +20,6 @@ use crate::source::crs::Unit;
 use crate::source::inputs;
 use crate::source::placement::{Placement, PlacementOptions};
 use crate::stream::bins::Budget;
-use crate::stream::scene::Visibility;
 use crate::synth;
 use anyhow::Context;
 use serde_json::json;
@@ -33,10 +30,6 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Share of pixels in which the pipelines' pictures may differ.
 const MOST_DIFFER: f64 = 1e-3;
-/// Points of the town that is flown over: 4096 × 4096 cells.
-const TOWN_POINTS: u64 = 1 << 25;
-/// Points of it in a cell, on average: nearly every cell is hit.
-const POINTS_PER_CELL: f64 = 2.0;
 /// Points of a file that is read.
 const INGEST_POINTS: u64 = 20_000_000;
 /// Points of a file that is loaded.
@@ -329,33 +322,20 @@ fn load_options(args: &Args) -> LoadOptions {
     }
 }
 
-/// A town whose border is one of sections of cells of `widest`, so that it repeats without a gap.
-fn town(args: &Args, cell: f64, widest: f64, problems: &mut Problems) -> anyhow::Result<load::Loaded> {
-    let points = args.points.unwrap_or(TOWN_POINTS);
-    let section = f64::from(SECTION_SIDE) * widest;
-    let sections = ((points as f64 / POINTS_PER_CELL).sqrt() * args.cell / section).ceil().max(1.0);
-    let side = sections * section;
-    let corner = synth::ORIGIN.map(|o| ((o - side / 2.0) / section).round() * section - o);
-    let tiles = synth::square(corner, side, points);
-    let options = LoadOptions { cell: Some(cell), ..load_options(args) };
-    load::tiles_of(&synth::Town::new(args.seed), &tiles, &options, problems).map_err(usage_of_load)
-}
-
 /// What the inputs hold, or a town, in cells of `cell`.
 fn world(args: &Args, cell: f64, widest: f64) -> anyhow::Result<(World, Placement)> {
     let mut problems = Problems::default();
+    let options = LoadOptions { cell: Some(cell), ..load_options(args) };
     let loaded = if args.inputs.is_empty() {
-        town(args, cell, widest, &mut problems)
+        let points = args.points.unwrap_or(TOWN_POINTS);
+        world::town(args.seed, points, [args.cell, widest], &options, &mut problems)
     } else {
-        let options = LoadOptions { cell: Some(cell), ..load_options(args) };
-        load::files(&args.inputs, &options, &mut problems).map_err(usage_of_load)
+        load::files(&args.inputs, &options, &mut problems)
     };
     let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
-    let loaded = loaded?;
+    let loaded = loaded.map_err(usage_of_load)?;
     let placement = loaded.about.placement;
-    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, None, None)?;
-    let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
-    Ok((World::new(loaded, seen, colors), placement))
+    Ok((World::of(loaded)?, placement))
 }
 
 /// Whether `error` says that the device is too small, and nothing worse.

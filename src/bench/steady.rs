@@ -1,0 +1,252 @@
+//! Whether times may be compared: arithmetic alone.
+//!
+//! A graphics card's clock follows its load: it rises within tens of milliseconds of work, and falls between frames. The
+//! same pass was seen to take 0.32 and 2.05 ms on one card. So on devices that are not CPUs the same work runs untimed
+//! for [`WARM_MS`] right before what is timed ([`WarmUp`] finds how often); every piece of work is timed several times,
+//! in turn with what it is compared with ([`Repeats`]); and where a piece's own times differ by more than
+//! [`MOST_SPREAD`], or it was not warm, no ratio is made of them.
+
+use crate::gpu::DeviceKind;
+use serde::{Deserialize, Serialize};
+
+/// Untimed work of the same kind right before what is timed, ms by the device's clock.
+pub const WARM_MS: f64 = 50.0;
+/// Most that the times of one piece of work may differ, of the least.
+pub const MOST_SPREAD: f64 = 0.1;
+/// Runs of a piece of work in one submit, at most.
+const MOST_RUNS: u32 = 5000;
+
+/// How often a piece of work runs untimed before it is timed.
+#[derive(Clone, Copy, Debug)]
+pub struct WarmUp {
+    runs: u32,
+    needed_ms: f64,
+}
+
+impl WarmUp {
+    /// Once on CPUs, whose drivers compile at the first run; elsewhere a guess to begin with.
+    pub fn new(kind: DeviceKind) -> WarmUp {
+        match kind {
+            DeviceKind::Cpu => WarmUp { runs: 1, needed_ms: 0.0 },
+            _ => WarmUp { runs: 8, needed_ms: WARM_MS },
+        }
+    }
+
+    /// Runs before the timed one.
+    pub fn runs(&self) -> u32 {
+        self.runs
+    }
+
+    /// Takes that those runs took `ms`, and whether that was long enough for the timed one to count; changes their number
+    /// where it was not, or where it was far more than needed.
+    pub fn is_enough(&mut self, ms: f64) -> bool {
+        if self.needed_ms == 0.0 {
+            return true;
+        }
+        let is_enough = ms >= self.needed_ms;
+        if !is_enough || ms > 2.0 * self.needed_ms {
+            // A quarter more, since the clock goes on rising.
+            let factor = 1.25 * self.needed_ms / ms.max(1e-3);
+            self.runs = (f64::from(self.runs) * factor).ceil().clamp(1.0, f64::from(MOST_RUNS)) as u32;
+        }
+        is_enough
+    }
+}
+
+/// Times of one piece of work, taken one after the other with other work in between, ms.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Repeats {
+    /// In the order in which they were taken.
+    pub ms: Vec<f64>,
+    /// One was taken before the device's clock had time to rise.
+    pub is_cold: bool,
+}
+
+impl Repeats {
+    /// Another time; `is_warm`: see [`WarmUp::is_enough`].
+    pub fn push(&mut self, ms: f64, is_warm: bool) {
+        self.ms.push(ms);
+        self.is_cold |= !is_warm;
+    }
+
+    /// Of several pieces of work one after the other: the sum of the first times, of the second ones, ...
+    pub fn sum<'a>(parts: impl IntoIterator<Item = &'a Repeats>) -> Repeats {
+        let mut parts = parts.into_iter();
+        let Some(first) = parts.next() else { return Repeats::default() };
+        let mut sum = first.clone();
+        for part in parts {
+            sum.ms.truncate(part.ms.len());
+            sum.ms.iter_mut().zip(&part.ms).for_each(|(sum, ms)| *sum += ms);
+            sum.is_cold |= part.is_cold;
+        }
+        sum
+    }
+
+    /// The middle one, or between the two in the middle; `None` without any.
+    pub fn median(&self) -> Option<f64> {
+        median(&self.ms)
+    }
+
+    /// What the largest is more than the least, of the least: 0.1 for 10 %. `None` with fewer than two.
+    pub fn spread(&self) -> Option<f64> {
+        let least = self.ms.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = self.ms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        (self.ms.len() > 1 && least > 0.0).then(|| most / least - 1.0)
+    }
+
+    /// Warm, several, and alike.
+    pub fn is_steady(&self) -> bool {
+        !self.is_cold && self.spread().is_some_and(|spread| spread <= MOST_SPREAD)
+    }
+
+    /// How many times as long `self` takes as `other`; `None` unless both are steady.
+    pub fn ratio_to(&self, other: &Repeats) -> Option<f64> {
+        let both = self.is_steady() && other.is_steady();
+        self.median().zip(other.median()).filter(|_| both).map(|(own, other)| own / other)
+    }
+}
+
+/// The middle one of `values`, or between the two in the middle; `None` without any.
+pub fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let half = sorted.len() / 2;
+    Some((sorted.get(half)? + sorted.get(sorted.len().checked_sub(1)? / 2)?) / 2.0)
+}
+
+/// The least steady one of `candidates`, by median: what others are compared with.
+pub fn best<'a>(candidates: impl IntoIterator<Item = &'a Repeats>) -> Option<usize> {
+    let steady = candidates.into_iter().enumerate().filter(|(_, repeats)| repeats.is_steady());
+    let timed = steady.filter_map(|(index, repeats)| Some((index, repeats.median()?)));
+    timed.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(index, _)| index)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn repeats(ms: &[f64]) -> Repeats {
+        Repeats { ms: ms.to_vec(), is_cold: false }
+    }
+
+    /// A card at rest at 345 MHz that goes to 1,980 MHz within 40 ms of work, and back down while it does nothing.
+    struct Card {
+        mhz: f64,
+    }
+
+    impl Card {
+        fn run(&mut self, cycles: f64) -> f64 {
+            let ms = cycles / (self.mhz * 1e3);
+            self.mhz = (self.mhz + (1980.0 - 345.0) * ms / 40.0).min(1980.0);
+            ms
+        }
+
+        fn rest(&mut self, ms: f64) {
+            self.mhz = (self.mhz - (1980.0 - 345.0) * ms / 40.0).max(345.0);
+        }
+
+        /// As the benchmarks time: the runs before, then one that counts, until those before were enough.
+        fn time(&mut self, cycles: f64, warm_up: &mut WarmUp) -> (f64, bool) {
+            let mut last = (0.0, false);
+            for _ in 0..4 {
+                let before = (0..warm_up.runs()).map(|_| self.run(cycles)).sum();
+                last = (self.run(cycles), warm_up.is_enough(before));
+                self.rest(5.0);
+                if last.1 {
+                    break;
+                }
+            }
+            last
+        }
+    }
+
+    #[test]
+    fn a_clock_that_wanders_is_waited_for() {
+        // What takes 0.3 ms at the highest clock, and what takes a third of that.
+        let mut card = Card { mhz: 345.0 };
+        let work = [0.3, 0.1].map(|ms| ms * 1980.0 * 1e3);
+        let mut warm_ups = [WarmUp::new(DeviceKind::Discrete); 2];
+        let mut times = [const { Repeats { ms: Vec::new(), is_cold: false } }; 2];
+        for _ in 0..5 {
+            for k in 0..2 {
+                let (ms, is_warm) = card.time(work[k], &mut warm_ups[k]);
+                assert!(is_warm);
+                times[k].push(ms, is_warm);
+            }
+            card.rest(25.0);
+        }
+        assert!(times.iter().all(Repeats::is_steady), "{times:?}");
+        assert!((times[0].ratio_to(&times[1]).unwrap() - 3.0).abs() < 0.05, "{times:?}");
+        // Without that, the same work gives times that are not to be compared, and are not.
+        let mut card = Card { mhz: 345.0 };
+        let mut cold = [const { Repeats { ms: Vec::new(), is_cold: false } }; 2];
+        for round in 0..5 {
+            for k in 0..2 {
+                cold[k].push(card.run(work[k]), true);
+                card.rest(f64::from(round % 2));
+            }
+        }
+        assert!(!cold[0].is_steady() && cold[0].ratio_to(&cold[1]).is_none(), "{cold:?}");
+    }
+
+    #[test]
+    fn a_ratio_needs_two_steady_sides() {
+        let (steady, drifting) = (repeats(&[2.0, 2.1, 2.05]), repeats(&[1.0, 1.06, 1.12]));
+        assert_eq!(steady.ratio_to(&repeats(&[1.0, 1.0])), Some(2.05));
+        assert_eq!(steady.ratio_to(&drifting), None);
+        assert_eq!(drifting.ratio_to(&steady), None);
+        assert!((drifting.spread().unwrap() - 0.12).abs() < 1e-12);
+        // One time says nothing of its spread.
+        assert_eq!((repeats(&[1.0]).spread(), repeats(&[1.0]).is_steady()), (None, false));
+        assert_eq!(steady.ratio_to(&repeats(&[])), None);
+        // Nor do times that a card had no time to rise for, alike as they are.
+        let mut cold = repeats(&[1.0, 1.0]);
+        cold.push(1.0, false);
+        assert_eq!((cold.spread(), cold.is_steady()), (Some(0.0), false));
+        assert_eq!(steady.ratio_to(&cold), None);
+        assert_eq!(repeats(&[0.0, 1.0]).spread(), None);
+    }
+
+    #[test]
+    fn what_is_summed_is_as_steady_as_its_sum() {
+        // One part in ten jumps, and the whole by 2 %.
+        let parts = [repeats(&[9.0, 9.0, 9.0]), repeats(&[1.0, 1.2, 1.0])];
+        let sum = Repeats::sum(&parts);
+        assert!(!parts[1].is_steady() && sum.is_steady());
+        assert_eq!((sum.median(), sum.ms.len()), (Some(10.0), 3));
+        let mut cold = repeats(&[1.0; 3]);
+        cold.is_cold = true;
+        assert!(!Repeats::sum([&parts[0], &cold]).is_steady());
+        assert_eq!(Repeats::sum([&parts[0], &repeats(&[1.0])]).ms, [10.0]);
+        assert_eq!(Repeats::sum([]), Repeats::default());
+    }
+
+    #[test]
+    fn the_best_is_the_least_that_is_steady() {
+        let (slow, fast, wild) = (repeats(&[3.0, 3.0]), repeats(&[2.0, 2.1]), repeats(&[1.0, 1.5]));
+        assert_eq!(best([&slow, &fast, &wild]), Some(1));
+        assert_eq!(best([&wild]), None);
+        assert_eq!(best([]), None);
+    }
+
+    #[test]
+    fn medians() {
+        assert_eq!(median(&[]), None);
+        assert_eq!(median(&[7.0]), Some(7.0));
+        assert_eq!(median(&[3.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), Some(2.5));
+    }
+
+    #[test]
+    fn cpus_run_once_before_and_runs_stay_in_bounds() {
+        let mut cpu = WarmUp::new(DeviceKind::Cpu);
+        assert_eq!((cpu.runs(), cpu.is_enough(0.0), cpu.runs()), (1, true, 1));
+        let mut card = WarmUp::new(DeviceKind::Discrete);
+        assert!(!card.is_enough(0.0));
+        assert_eq!(card.runs(), MOST_RUNS);
+        assert!(card.is_enough(1e4));
+        assert_eq!(card.runs(), 32);
+        assert!(card.is_enough(60.0));
+        assert_eq!(card.runs(), 32);
+    }
+}
