@@ -13,12 +13,12 @@ use lasray::bench::report::COMMIT;
 use lasray::bench::steady::{self, Repeats, WarmUp};
 use lasray::bench::thesis::{Config, Kernel, Picture, Thesis};
 use lasray::bench::world::{self, TOWN_POINTS, World};
-use lasray::gpu::{DeviceKind, Gpu, GpuOptions, Order, QueueKind, Recipe, SyncPoint, Timestamps};
+use lasray::gpu::{DeviceKind, Gpu, GpuOptions, QueueKind, Recipe, Timestamps};
 use lasray::load::LoadOptions;
 use lasray::problems::Problems;
 use lasray::render::camera::Camera;
 use lasray::render::frame::{
-    self, Background, Logged, PASSES, PassOptions, Renderer, Shade, Traversal, View, check_size,
+    self, Background, Logged, PassOptions, Renderer, Shade, Traversal, View, check_size,
 };
 use lasray::render::image::Image;
 use lasray::render::path::PathKind;
@@ -33,8 +33,6 @@ use std::path::PathBuf;
 const STRIPS: [[u32; 2]; 3] = [[1, 64], [8, 32], [8, 8]];
 /// Names of a picture's passes.
 const PASS_NAMES: [&str; 4] = ["wide beams", "beams", "trace", "shade"];
-/// Submits of a variant whose warm-up may be too short before its time is taken as cold.
-const TRIES: u32 = 4;
 /// Side of a cell, CRS units.
 const CELL: f64 = 0.25;
 
@@ -56,6 +54,9 @@ struct Args {
     /// Times that each variant draws a frame, in turn with the others
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u32).range(2..), value_name = "N")]
     rounds: u32,
+    /// Milliseconds for which the same passes run right before the timed ones [default: 50, on a CPU driver once]
+    #[arg(long, value_name = "MS")]
+    warm: Option<f64>,
     /// Variants whose names hold one of these words; the thesis' kernel always runs
     #[arg(long, value_delimiter = ',', value_name = "WORD,…")]
     variants: Vec<String>,
@@ -215,8 +216,6 @@ struct Laboratory<'a> {
     thesis: Thesis,
     pools: HashMap<&'static str, Pool>,
     clock: Timestamps,
-    /// Timed runs of one submit.
-    timed: u32,
     notes: Vec<String>,
 }
 
@@ -236,12 +235,10 @@ impl<'a> Laboratory<'a> {
         world: &'a World,
         config: Config,
         size: [u32; 2],
+        warm_up: WarmUp,
         wanted: &[Variant],
     ) -> anyhow::Result<Laboratory<'a>> {
-        let kind = gpu.info().kind;
-        let timed = if kind == DeviceKind::Cpu { 1 } else { 3 };
-        let stages = frame::Repeats { before: 1, timed }.stages(PASSES);
-        let clock = Timestamps::new(gpu, "laboratory", QueueKind::Compute, stages)?
+        let clock = Timestamps::new(gpu, "laboratory", QueueKind::Compute, WarmUp::STAGES)?
             .context("the device has no timestamps")?;
         let (mut notes, mut pools, mut refused) = (Vec::new(), HashMap::new(), HashMap::new());
         let (mut variants, mut drawers) = (Vec::new(), Vec::new());
@@ -279,9 +276,9 @@ impl<'a> Laboratory<'a> {
             variants.push(variant.clone());
             drawers.push(drawer);
         }
-        let warm_ups = vec![WarmUp::new(kind); variants.len()];
+        let warm_ups = vec![warm_up; variants.len()];
         let thesis = Thesis::new(gpu, config, size, STRIPS[0])?;
-        Ok(Laboratory { gpu, world, size, variants, drawers, warm_ups, thesis, pools, clock, timed, notes })
+        Ok(Laboratory { gpu, world, size, variants, drawers, warm_ups, thesis, pools, clock, notes })
     }
 
     /// Makes what `shot` sees resident.
@@ -299,44 +296,33 @@ impl<'a> Laboratory<'a> {
     /// Draws `shot` by variant `k`, and adds its times.
     fn time(&mut self, k: usize, shot: &Shot, times: &mut Times) -> anyhow::Result<()> {
         let view = view(self.world, shot, self.size, self.variants[k].way);
-        for attempt in 1..=TRIES {
-            let repeats = frame::Repeats { before: self.warm_ups[k].runs(), timed: self.timed };
-            let clock = &mut self.clock;
-            let (point, order): (SyncPoint, &mut Order) = match &mut self.drawers[k] {
-                Drawer::Thesis(kernel) => {
-                    self.thesis.use_kernel(kernel);
-                    let point = self.thesis.submit(&view, self.world, repeats, Some(clock))?;
-                    (point, self.thesis.order())
-                }
-                Drawer::Pool(access, renderer) => {
-                    let scene = self.pools.get_mut(access_name(*access)).expect("its pool").scene();
-                    renderer.repeat(repeats);
-                    let table = renderer.table(scene);
+        let (clock, thesis, world) = (&mut self.clock, &mut self.thesis, self.world);
+        let timing = match &mut self.drawers[k] {
+            Drawer::Thesis(kernel) => {
+                thesis.use_kernel(kernel);
+                self.warm_ups[k].time(|runs| -> anyhow::Result<_> {
+                    let point = thesis.submit(&view, world, runs, Some(clock))?;
+                    Ok(clock.resolve(thesis.order(), point)?)
+                })?
+            }
+            Drawer::Pool(access, renderer) => {
+                let scene = self.pools.get_mut(access_name(*access)).expect("its pool").scene();
+                let table = renderer.table(scene);
+                let timing = self.warm_ups[k].time(|runs| -> anyhow::Result<_> {
+                    renderer.repeat(runs);
                     let point = renderer.submit_frame(scene, &view, &table, Some(clock))?;
-                    renderer.repeat(frame::Repeats::ONCE);
-                    (point, &mut scene.order)
-                }
-            };
-            let stages = clock.resolve(order, point)?;
-            let before: f64 = stages.iter().filter(|s| s.0 == "before").map(|s| s.1 / 1e6).sum();
-            let is_warm = self.warm_ups[k].is_enough(before);
-            if !is_warm && attempt < TRIES {
-                continue;
+                    Ok(clock.resolve(&mut scene.order, point)?)
+                })?;
+                renderer.repeat(frame::Repeats::ONCE);
+                timing
             }
-            // The middle one of the runs of this submit.
-            let runs: Vec<_> = stages.iter().filter(|s| s.0 != "before").collect();
-            let runs: Vec<_> = runs.chunks_exact((runs.len() / self.timed as usize).max(1)).collect();
-            let middle = |of: &dyn Fn(&str) -> bool| {
-                let sums: Vec<f64> =
-                    runs.iter().map(|run| run.iter().filter(|s| of(s.0)).map(|s| s.1 / 1e6).sum()).collect();
-                steady::median(&sums).unwrap_or(0.0)
-            };
-            for (repeats, name) in times.passes.iter_mut().zip(PASS_NAMES) {
-                repeats.push(middle(&|stage| stage == name), is_warm);
+        };
+        for (repeats, name) in times.passes.iter_mut().zip(PASS_NAMES) {
+            if let Some((_, ms)) = timing.passes.iter().find(|(pass, _)| *pass == name) {
+                repeats.push(*ms, timing.is_warm);
             }
-            times.all.push(middle(&|_| true), is_warm);
-            break;
         }
+        times.all.push(timing.all_ms, timing.is_warm);
         Ok(())
     }
 
@@ -474,11 +460,13 @@ fn main() -> anyhow::Result<()> {
         let rows = compiled(&gpu, &wanted(Access::Address))?;
         anyhow::ensure!(!rows.is_empty(), "the driver tells nothing of what it compiles");
         print_compiled(&rows);
-        return write(
-            &args,
-            json!({ "device": gpu.info().name, "driver": gpu.info().driver,
-            "commit": COMMIT, "statistics": rows }),
-        );
+        let info = gpu.info().clone();
+        // The process ends here: Mesa's null hardware crashes when a device is closed.
+        std::mem::forget(gpu);
+        let report = json!({
+            "device": info.name, "driver": info.driver, "commit": COMMIT, "statistics": rows,
+        });
+        return write(&args, report);
     }
 
     let gpu = open(false)?;
@@ -541,7 +529,8 @@ fn run(
     let window = u64::from(config.side()).div_ceil(256).pow(2);
     let usual = Access::best(gpu, (window + 64) * world.mean_derived_bytes());
     let variants = wanted(usual);
-    let mut lab = Laboratory::new(gpu, world, config, size, &variants)?;
+    let warm_up = args.warm.map_or(WarmUp::new(gpu.info().kind), WarmUp::of);
+    let mut lab = Laboratory::new(gpu, world, config, size, warm_up, &variants)?;
     if !args.no_counts && !lab.pools.contains_key(access_name(Access::Address)) {
         lab.pools.insert(access_name(Access::Address), pool(gpu, world, config, Access::Address)?);
     }
@@ -731,6 +720,9 @@ fn tables(
 
 /// What the driver's compiler says of each program of `variants`; nothing where it does not tell.
 fn compiled(gpu: &Gpu, variants: &[Variant]) -> anyhow::Result<Vec<Value>> {
+    if !gpu.has_statistics() {
+        return Ok(Vec::new());
+    }
     let mut recipes: Vec<(String, Recipe)> = Vec::new();
     #[cfg(feature = "view")]
     let derived = lasray::stream::scene::recipes(Access::Address, true)[0].clone();

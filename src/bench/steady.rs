@@ -7,6 +7,7 @@
 //! [`MOST_SPREAD`], or it was not warm, no ratio is made of them.
 
 use crate::gpu::DeviceKind;
+use crate::render::frame;
 use serde::{Deserialize, Serialize};
 
 /// Untimed work of the same kind right before what is timed, ms by the device's clock.
@@ -15,6 +16,8 @@ pub const WARM_MS: f64 = 50.0;
 pub const MOST_SPREAD: f64 = 0.1;
 /// Runs of a piece of work in one submit, at most.
 const MOST_RUNS: u32 = 5000;
+/// Submits that may be made to find out how often work must run to be warm.
+const TRIES: u32 = 4;
 
 /// How often a piece of work runs untimed before it is timed.
 #[derive(Clone, Copy, Debug)]
@@ -26,20 +29,43 @@ pub struct WarmUp {
 impl WarmUp {
     /// Once on CPUs, whose drivers compile at the first run; elsewhere a guess to begin with.
     pub fn new(kind: DeviceKind) -> WarmUp {
-        match kind {
-            DeviceKind::Cpu => WarmUp { runs: 1, needed_ms: 0.0 },
-            _ => WarmUp { runs: 8, needed_ms: WARM_MS },
-        }
+        WarmUp::of(if kind == DeviceKind::Cpu { 0.0 } else { WARM_MS })
     }
 
-    /// Runs before the timed one.
-    pub fn runs(&self) -> u32 {
-        self.runs
+    /// For work that must run for `needed_ms`; once if that is 0.
+    pub fn of(needed_ms: f64) -> WarmUp {
+        WarmUp { runs: if needed_ms > 0.0 { 8 } else { 1 }, needed_ms }
+    }
+
+    /// How often work runs in one submit: untimed, and timed. One timed run will do where a driver runs on the CPU: its
+    /// passes are long.
+    pub fn runs(&self) -> frame::Repeats {
+        frame::Repeats { before: self.runs, timed: if self.needed_ms > 0.0 { TIMED } else { 1 } }
+    }
+
+    /// Most stages that a clock needs for passes of a picture.
+    pub const STAGES: u32 = frame::Repeats { before: 1, timed: TIMED }.stages(frame::PASSES);
+
+    /// Times a piece of work: `run` is told how often, and gives the stages of the clock (name, ns).
+    pub fn time<E>(
+        &mut self,
+        mut run: impl FnMut(frame::Repeats) -> Result<Vec<(&'static str, f64)>, E>,
+    ) -> Result<Timing, E> {
+        let mut tries = 0;
+        loop {
+            tries += 1;
+            let runs = self.runs();
+            let mut timing = Timing::of(&run(runs)?, runs.timed);
+            timing.is_warm = self.is_enough(timing.before_ms);
+            if timing.is_warm || tries == TRIES {
+                return Ok(timing);
+            }
+        }
     }
 
     /// Takes that those runs took `ms`, and whether that was long enough for the timed one to count; changes their number
     /// where it was not, or where it was far more than needed.
-    pub fn is_enough(&mut self, ms: f64) -> bool {
+    fn is_enough(&mut self, ms: f64) -> bool {
         if self.needed_ms == 0.0 {
             return true;
         }
@@ -53,6 +79,43 @@ impl WarmUp {
     }
 }
 
+/// Timed runs of one submit, of which the middle one counts.
+const TIMED: u32 = 3;
+
+/// Times of the passes of one submit, ms.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timing {
+    /// Of the untimed runs.
+    pub before_ms: f64,
+    /// Those were long enough: see [`WarmUp`].
+    pub is_warm: bool,
+    /// Each pass: the middle one of the timed runs.
+    pub passes: Vec<(&'static str, f64)>,
+    /// All passes, likewise.
+    pub all_ms: f64,
+}
+
+impl Timing {
+    /// Of the stages (name, ns) of a submit of `timed` timed runs: see [`frame::Repeats`].
+    pub fn of(stages: &[(&'static str, f64)], timed: u32) -> Timing {
+        let (before, stages) = match stages {
+            [("before", ns), rest @ ..] => (*ns, rest),
+            all => (0.0, all),
+        };
+        let runs: Vec<_> = stages.chunks_exact((stages.len() / timed.max(1) as usize).max(1)).collect();
+        let middle = |of: &dyn Fn(&[(&'static str, f64)]) -> f64| {
+            median(&runs.iter().map(|run| of(run) / 1e6).collect::<Vec<_>>()).unwrap_or(0.0)
+        };
+        let first = runs.first().copied().unwrap_or_default();
+        Timing {
+            before_ms: before / 1e6,
+            is_warm: false,
+            passes: (0..first.len()).map(|pass| (first[pass].0, middle(&|run| run[pass].1))).collect(),
+            all_ms: middle(&|run| run.iter().map(|stage| stage.1).sum()),
+        }
+    }
+}
+
 /// Times of one piece of work, taken one after the other with other work in between, ms.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Repeats {
@@ -63,7 +126,7 @@ pub struct Repeats {
 }
 
 impl Repeats {
-    /// Another time; `is_warm`: see [`WarmUp::is_enough`].
+    /// Another time; `is_warm`: see [`Timing::is_warm`].
     pub fn push(&mut self, ms: f64, is_warm: bool) {
         self.ms.push(ms);
         self.is_cold |= !is_warm;
@@ -145,18 +208,16 @@ mod tests {
             self.mhz = (self.mhz - (1980.0 - 345.0) * ms / 40.0).max(345.0);
         }
 
-        /// As the benchmarks time: the runs before, then one that counts, until those before were enough.
-        fn time(&mut self, cycles: f64, warm_up: &mut WarmUp) -> (f64, bool) {
-            let mut last = (0.0, false);
-            for _ in 0..4 {
-                let before = (0..warm_up.runs()).map(|_| self.run(cycles)).sum();
-                last = (self.run(cycles), warm_up.is_enough(before));
+        /// As the benchmarks time.
+        fn time(&mut self, cycles: f64, warm_up: &mut WarmUp) -> Timing {
+            let timing = warm_up.time(|runs| {
+                let before: f64 = (0..runs.before).map(|_| self.run(cycles)).sum();
+                let mut stages = vec![("before", before * 1e6)];
+                stages.extend((0..runs.timed).map(|_| ("trace", self.run(cycles) * 1e6)));
                 self.rest(5.0);
-                if last.1 {
-                    break;
-                }
-            }
-            last
+                Ok::<_, ()>(stages)
+            });
+            timing.unwrap()
         }
     }
 
@@ -169,9 +230,9 @@ mod tests {
         let mut times = [const { Repeats { ms: Vec::new(), is_cold: false } }; 2];
         for _ in 0..5 {
             for k in 0..2 {
-                let (ms, is_warm) = card.time(work[k], &mut warm_ups[k]);
-                assert!(is_warm);
-                times[k].push(ms, is_warm);
+                let timing = card.time(work[k], &mut warm_ups[k]);
+                assert!(timing.is_warm && timing.before_ms >= WARM_MS, "{timing:?}");
+                times[k].push(timing.all_ms, timing.is_warm);
             }
             card.rest(25.0);
         }
@@ -230,6 +291,24 @@ mod tests {
     }
 
     #[test]
+    fn stages_are_told_apart() {
+        let stages = [
+            ("before", 60e6),
+            ("beams", 1e6),
+            ("trace", 5e6),
+            ("beams", 3e6),
+            ("trace", 4e6),
+            ("beams", 2e6),
+            ("trace", 9e6),
+        ];
+        let timing = Timing::of(&stages, 3);
+        assert_eq!((timing.before_ms, timing.all_ms), (60.0, 7.0));
+        assert_eq!(timing.passes, [("beams", 2.0), ("trace", 5.0)]);
+        assert_eq!(Timing::of(&stages[1..3], 1).passes, [("beams", 1.0), ("trace", 5.0)]);
+        assert_eq!(Timing::of(&[], 1), Timing::default());
+    }
+
+    #[test]
     fn medians() {
         assert_eq!(median(&[]), None);
         assert_eq!(median(&[7.0]), Some(7.0));
@@ -240,13 +319,17 @@ mod tests {
     #[test]
     fn cpus_run_once_before_and_runs_stay_in_bounds() {
         let mut cpu = WarmUp::new(DeviceKind::Cpu);
-        assert_eq!((cpu.runs(), cpu.is_enough(0.0), cpu.runs()), (1, true, 1));
+        let once = frame::Repeats { before: 1, timed: 1 };
+        assert_eq!((cpu.runs(), cpu.is_enough(0.0), cpu.runs()), (once, true, once));
         let mut card = WarmUp::new(DeviceKind::Discrete);
         assert!(!card.is_enough(0.0));
-        assert_eq!(card.runs(), MOST_RUNS);
+        assert_eq!(card.runs().before, MOST_RUNS);
         assert!(card.is_enough(1e4));
-        assert_eq!(card.runs(), 32);
+        assert_eq!(card.runs().before, 32);
         assert!(card.is_enough(60.0));
-        assert_eq!(card.runs(), 32);
+        assert_eq!(card.runs().before, 32);
+        // What is never long enough is told.
+        let cold = card.time(|_| Ok::<_, ()>(vec![("before", 1e6), ("trace", 1e6)])).unwrap();
+        assert!(!cold.is_warm);
     }
 }

@@ -383,6 +383,11 @@ impl Gpu {
         self.0.transfer.is_some()
     }
 
+    /// Whether programs can be asked for [`super::ComputePipeline::statistics`].
+    pub fn has_statistics(&self) -> bool {
+        self.0.statistics.is_some()
+    }
+
     /// Bytes that buffers hold now, host-visible ones included.
     pub fn allocated_bytes(&self) -> u64 {
         self.0.allocated_bytes.load(Ordering::Relaxed)
