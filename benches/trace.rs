@@ -8,18 +8,16 @@ use anyhow::Context;
 use clap::Parser;
 use lasray::bench::frames::{self, differing};
 use lasray::bench::log::Counts;
-use lasray::bench::pool::{BUDGET, Pool};
+use lasray::bench::pool::{self, BUDGET, Pool};
 use lasray::bench::report::COMMIT;
 use lasray::bench::steady::{self, Repeats, WarmUp};
-use lasray::bench::thesis::{Config, Kernel, Picture, Thesis};
+use lasray::bench::thesis::{Config, Kernel, Picture, STRIPS, Thesis};
 use lasray::bench::world::{self, TOWN_POINTS, World};
 use lasray::gpu::{DeviceKind, Gpu, GpuOptions, QueueKind, Recipe, Timestamps};
 use lasray::load::LoadOptions;
 use lasray::problems::Problems;
 use lasray::render::camera::Camera;
-use lasray::render::frame::{
-    self, Background, Logged, PassOptions, Renderer, Shade, Traversal, View, check_size,
-};
+use lasray::render::frame::{Background, Logged, PassOptions, Renderer, Shade, Traversal, View, check_size};
 use lasray::render::image::Image;
 use lasray::render::path::PathKind;
 use lasray::source::placement::PlacementOptions;
@@ -29,8 +27,6 @@ use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// Strips of the thesis' kernel; the best of them is what others are compared with.
-const STRIPS: [[u32; 2]; 3] = [[1, 64], [8, 32], [8, 8]];
 /// Names of a picture's passes.
 const PASS_NAMES: [&str; 4] = ["wide beams", "beams", "trace", "shade"];
 /// Side of a cell, CRS units.
@@ -259,7 +255,7 @@ impl<'a> Laboratory<'a> {
                         continue;
                     }
                     if !pools.contains_key(name) {
-                        match pool(gpu, world, config, access) {
+                        match filled(gpu, world, config, access) {
                             Ok(pool) => drop(pools.insert(name, pool)),
                             Err(error) => {
                                 notes.push(format!("no {name}: {error:#}"));
@@ -300,21 +296,11 @@ impl<'a> Laboratory<'a> {
         let timing = match &mut self.drawers[k] {
             Drawer::Thesis(kernel) => {
                 thesis.use_kernel(kernel);
-                self.warm_ups[k].time(|runs| -> anyhow::Result<_> {
-                    let point = thesis.submit(&view, world, runs, Some(clock))?;
-                    Ok(clock.resolve(thesis.order(), point)?)
-                })?
+                thesis.time(&view, world, &mut self.warm_ups[k], clock)?
             }
             Drawer::Pool(access, renderer) => {
                 let scene = self.pools.get_mut(access_name(*access)).expect("its pool").scene();
-                let table = renderer.table(scene);
-                let timing = self.warm_ups[k].time(|runs| -> anyhow::Result<_> {
-                    renderer.repeat(runs);
-                    let point = renderer.submit_frame(scene, &view, &table, Some(clock))?;
-                    Ok(clock.resolve(&mut scene.order, point)?)
-                })?;
-                renderer.repeat(frame::Repeats::ONCE);
-                timing
+                pool::time(scene, renderer, &view, &mut self.warm_ups[k], clock)?
             }
         };
         for (repeats, name) in times.passes.iter_mut().zip(PASS_NAMES) {
@@ -399,7 +385,7 @@ fn unlike(a: &Image, b: &Image) -> usize {
 }
 
 /// A pool that holds windows of `config`, with one of them resident.
-fn pool(gpu: &Gpu, world: &World, config: Config, access: Access) -> anyhow::Result<Pool> {
+fn filled(gpu: &Gpu, world: &World, config: Config, access: Access) -> anyhow::Result<Pool> {
     let most = BUDGET.min(gpu.info().memory_bytes / 8 * 7);
     let mut pool = Pool::with_access(gpu, world, access, most)?;
     let half = (config.side() / 2) as i32;
@@ -532,7 +518,7 @@ fn run(
     let warm_up = args.warm.map_or(WarmUp::new(gpu.info().kind), WarmUp::of);
     let mut lab = Laboratory::new(gpu, world, config, size, warm_up, &variants)?;
     if !args.no_counts && !lab.pools.contains_key(access_name(Access::Address)) {
-        lab.pools.insert(access_name(Access::Address), pool(gpu, world, config, Access::Address)?);
+        lab.pools.insert(access_name(Access::Address), filled(gpu, world, config, Access::Address)?);
     }
     let shots = shots(args, world, config)?;
     let mut times = vec![vec![Times::default(); shots.len()]; lab.variants.len()];

@@ -1,11 +1,12 @@
 //! Our pipeline in the harness: the persistent pool over the same window. A section is packed and copied once, when
 //! the window comes near it; a frame draws what is resident and waits for none.
 
+use super::steady::{Timing, WarmUp};
 use super::world::World;
 use super::{FrameTimes, ms};
 use crate::coords::{SECTION_LOG2, SectionKey};
 use crate::gpu::{Gpu, Order, QueueKind, SyncPoint, Timestamps};
-use crate::render::frame::{FrameError, PASSES, Renderer, View};
+use crate::render::frame::{FrameError, PASSES, Renderer, Repeats, View};
 use crate::render::image::Image;
 use crate::stream::pool::Access;
 use crate::stream::scene::Scene;
@@ -37,6 +38,24 @@ fn sections([low, high]: [[i32; 2]; 2]) -> BTreeSet<SectionKey> {
 fn grown([low, high]: [[i32; 2]; 2]) -> [[i32; 2]; 2] {
     let side = 1 << SECTION_LOG2;
     [low.map(|c| c - side), high.map(|c| c + side)]
+}
+
+/// Times the passes of `view` by `renderer`; `clock` has [`WarmUp::STAGES`].
+pub fn time(
+    scene: &mut Scene,
+    renderer: &mut Renderer,
+    view: &View,
+    warm_up: &mut WarmUp,
+    clock: &mut Timestamps,
+) -> Result<Timing, FrameError> {
+    let table = renderer.table(scene);
+    let timing = warm_up.time(|repeats| {
+        renderer.repeat(repeats);
+        let point = renderer.submit_frame(scene, view, &table, Some(clock))?;
+        Ok(clock.resolve(&mut scene.order, point)?)
+    });
+    renderer.repeat(Repeats::ONCE);
+    timing
 }
 
 impl Pool {
@@ -141,6 +160,17 @@ impl Pool {
         self.scene.settle()?;
         self.device_ms()?;
         Ok(())
+    }
+
+    /// Times the passes of `view`, with all that is on its way there.
+    pub fn time(
+        &mut self,
+        view: &View,
+        warm_up: &mut WarmUp,
+        clock: &mut Timestamps,
+    ) -> anyhow::Result<Timing> {
+        self.scene.settle()?;
+        Ok(time(&mut self.scene, &mut self.renderer, view, warm_up, clock)?)
     }
 
     /// For frames of other renderers than its own.

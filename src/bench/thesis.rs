@@ -2,6 +2,7 @@
 //! an array of sections, row by row, into one mapped buffer (§3.2.2), copied to the device in two pieces, heights
 //! and colours (§3.1.2), and traced by the plain traversal (§3.2.3) in upright strips (§3.3.2).
 
+use super::steady::{Timing, WarmUp};
 use super::world::World;
 use super::{FrameTimes, ms};
 use crate::gpu::{
@@ -107,6 +108,9 @@ impl Section {
 /// Sections kept filled. The thesis keeps sixteen; a camera section never touches more than four, and how many lie
 /// idle beside them changes no time of a frame.
 const FILLED: usize = 6;
+
+/// Strips of which the fastest is the baseline; the first one runs on every device.
+pub const STRIPS: [[u32; 2]; 3] = [[1, 64], [8, 32], [8, 8]];
 
 /// The kernel in strips of one shape. A clone is another handle.
 #[derive(Clone)]
@@ -261,6 +265,11 @@ impl Thesis {
         });
     }
 
+    /// Pixels that a workgroup covers.
+    pub fn strip(&self) -> [u32; 2] {
+        self.kernel.group
+    }
+
     /// The kernel of the frames to come.
     pub fn use_kernel(&mut self, kernel: &Kernel) {
         self.kernel = kernel.clone();
@@ -341,9 +350,23 @@ impl Thesis {
         })
     }
 
-    /// Traces `view` of the camera section that was placed, as often as `repeats` says. With a `clock` of
-    /// `repeats.stages(1)` stages, the timed runs are stages `"trace"` of it.
-    pub fn submit(
+    /// Times the kernel for `view` of the camera section that was copied last; `clock` has [`WarmUp::STAGES`].
+    pub fn time(
+        &mut self,
+        view: &View,
+        world: &World,
+        warm_up: &mut WarmUp,
+        clock: &mut Timestamps,
+    ) -> Result<Timing, FrameError> {
+        warm_up.time(|repeats| {
+            let point = self.submit(view, world, repeats, Some(clock))?;
+            Ok(clock.resolve(&mut self.order, point)?)
+        })
+    }
+
+    /// Traces `view` as often as `repeats` says. With a `clock` of `repeats.stages(1)` stages, the timed runs are stages
+    /// `"trace"` of it.
+    fn submit(
         &mut self,
         view: &View,
         world: &World,
@@ -370,11 +393,6 @@ impl Thesis {
             }
         }
         Ok(self.order.submit(commands)?)
-    }
-
-    /// For reading the clock of [`Thesis::submit`].
-    pub fn order(&mut self) -> &mut Order {
-        &mut self.order
     }
 
     fn groups(&self, rows: u32) -> [u32; 3] {
