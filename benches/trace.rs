@@ -317,7 +317,7 @@ impl<'a> Laboratory<'a> {
         let mut theirs: Option<Picture> = None;
         let mut lit: Option<Image> = None;
         let pixels = f64::from(self.size[0]) * f64::from(self.size[1]);
-        for k in 0..self.variants.len() {
+        for (k, times) in times.iter_mut().enumerate() {
             let view = view(self.world, shot, self.size, self.variants[k].way);
             let (access, renderer) = match &mut self.drawers[k] {
                 Drawer::Thesis(kernel) => {
@@ -338,7 +338,7 @@ impl<'a> Laboratory<'a> {
             } else {
                 theirs.as_ref().map(|theirs| differing(&image, theirs))
             };
-            times[k][at].differ = differ.map(|n| n as f64 / pixels);
+            times[at].differ = differ.map(|n| n as f64 / pixels);
         }
         Ok(())
     }

@@ -103,15 +103,16 @@ impl Timing {
             all => (0.0, all),
         };
         let runs: Vec<_> = stages.chunks_exact((stages.len() / timed.max(1) as usize).max(1)).collect();
-        let middle = |of: &dyn Fn(&[(&'static str, f64)]) -> f64| {
-            median(&runs.iter().map(|run| of(run) / 1e6).collect::<Vec<_>>()).unwrap_or(0.0)
-        };
+        let middle = |ns: Vec<f64>| median(&ns).unwrap_or(0.0) / 1e6;
         let first = runs.first().copied().unwrap_or_default();
+        let passes = first.iter().enumerate();
         Timing {
             before_ms: before / 1e6,
             is_warm: false,
-            passes: (0..first.len()).map(|pass| (first[pass].0, middle(&|run| run[pass].1))).collect(),
-            all_ms: middle(&|run| run.iter().map(|stage| stage.1).sum()),
+            passes: passes
+                .map(|(k, pass)| (pass.0, middle(runs.iter().map(|run| run[k].1).collect())))
+                .collect(),
+            all_ms: middle(runs.iter().map(|run| run.iter().map(|stage| stage.1).sum()).collect()),
         }
     }
 }
