@@ -388,6 +388,9 @@ pub enum Logged {
 
 /// How the passes of a picture are cut into groups and ordered; pictures do not depend on it. The default is what the
 /// program draws with, others are for benchmarks.
+///
+/// Widths are multiples of 8: with groups of 12 × 6, lavapipe (Mesa 22.3) drew other pictures by address, though not by
+/// texels; why is not known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PassOptions {
     /// Pixels that a workgroup of trace and shade covers.

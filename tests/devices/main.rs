@@ -107,30 +107,29 @@ fn both_ways_into_the_pool_give_the_same_pictures() {
 fn pictures_do_not_depend_on_how_passes_are_cut() {
     common::run("pictures_do_not_depend_on_how_passes_are_cut", LAVAPIPE, |setup| {
         let (gpu, data) = (setup.gpu(), town());
+        let base = PassOptions::default();
+        let groups = [[8, 4], [32, 1], [16, 16]].map(|group| PassOptions { group, ..base });
+        let beams = PassOptions { beam_group: [8, 8], dealt: false, ..base };
         // Groups hang over the edges.
         let size = [SIZE[0] - 3, SIZE[1] - 3];
-        let base = PassOptions::default();
-        let groups = [[8, 4], [32, 1], [16, 16], [12, 6]].map(|group| PassOptions { group, ..base });
-        let others = [
-            PassOptions { beam_group: [8, 8], dealt: false, ..base },
-            PassOptions { beam_group: [5, 3], ..base },
-        ];
         let camera = &cameras(&data.bounds)[0];
         for access in [Access::Address, Access::Texels] {
             let mut scene = data.scene(&gpu, access, MEASURED());
+            let mut draw = |options, view: &View| {
+                let renderer = Renderer::with_options(&scene, data.grid, data.anchor, options);
+                renderer.unwrap().draw(&mut scene, view).unwrap()
+            };
             for view in [data.exact(camera, size), View { samples: 1, ..data.lit(camera, size) }] {
-                let mut draw = |options, traversal| {
-                    let renderer = Renderer::with_options(&scene, data.grid, data.anchor, options);
-                    renderer.unwrap().draw(&mut scene, &View { traversal, ..view.clone() }).unwrap()
-                };
                 for traversal in [Traversal::Fast, Traversal::Plain] {
-                    let usual = draw(base, traversal);
-                    for options in groups.into_iter().chain(others) {
-                        assert!(draw(options, traversal) == usual, "{access:?} {traversal:?} {options:?}");
+                    let view = View { traversal, ..view.clone() };
+                    let usual = draw(base, &view);
+                    for options in groups.into_iter().chain([beams]) {
+                        let this = draw(options, &view);
+                        assert!(this == usual, "{access:?} {traversal:?} {:?} {options:?}", view.shade);
                     }
                 }
-                let usual = draw(base, Traversal::Fast);
-                let from_the_eye = draw(PassOptions { beams: false, ..base }, Traversal::Fast);
+                let [from_the_eye, usual] =
+                    [false, true].map(|beams| draw(PassOptions { beams, ..base }, &view));
                 assert!(from_the_eye.steps > usual.steps);
                 assert_alike(&[from_the_eye], &[usual], "without beams");
             }
