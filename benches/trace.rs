@@ -775,4 +775,7 @@ fn print_compiled(rows: &[Value]) {
             shown(of(&["Code size", "Binary Size"]), 0),
         );
     }
+    let words = rows.first().and_then(|row| row["statistics"].as_object());
+    let words: Vec<_> = words.into_iter().flatten().map(|(name, _)| name.as_str()).collect();
+    println!("what the driver tells, all of it in the JSON file: {}", words.join(", "));
 }
