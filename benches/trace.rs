@@ -441,14 +441,13 @@ fn main() -> anyhow::Result<()> {
         return Ok(());
     }
     if args.statistics {
-        let gpu = open(true)?;
+        // Never closed: the process ends soon, and closing a device of Mesa's null hardware crashes.
+        let gpu = std::mem::ManuallyDrop::new(open(true)?);
         println!("{}", gpu.info());
         let rows = compiled(&gpu, &wanted(Access::Address))?;
         anyhow::ensure!(!rows.is_empty(), "the driver tells nothing of what it compiles");
         print_compiled(&rows);
-        let info = gpu.info().clone();
-        // The process ends here: Mesa's null hardware crashes when a device is closed.
-        std::mem::forget(gpu);
+        let info = gpu.info();
         let report = json!({
             "device": info.name, "driver": info.driver, "commit": COMMIT, "statistics": rows,
         });
