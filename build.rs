@@ -2,7 +2,7 @@
 //!
 //! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
 //! an `#ifdef POOL_SSBO`, itself or in an include, is compiled as `NAME`, and as `NAME_SSBO` with it; so with
-//! `POOL_TEXELS`.
+//! `POOL_TEXELS`, and with `LOGGED` (what a benchmark counts).
 //! Release builds learn the commit they are built from, for the reports of benchmarks.
 
 use std::fmt::Write as _;
@@ -78,9 +78,9 @@ fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
             _ => String::new(),
         };
         let mut variants = vec![(stem.to_uppercase() + &stage, None)];
-        for (suffix, define) in [("SSBO", "POOL_SSBO"), ("TEXELS", "POOL_TEXELS")] {
+        for (suffix, define) in [("SSBO", "POOL_SSBO"), ("TEXELS", "POOL_TEXELS"), ("LOGGED", "LOGGED")] {
             // The baseline goes by address alone.
-            if stem != "thesis" && asks_for(source, &format!("#ifdef {define}"), 0)? {
+            if (stem != "thesis" || define == "LOGGED") && asks_for(source, &format!("#ifdef {define}"), 0)? {
                 variants.push((format!("{}_{suffix}", stem.to_uppercase()), Some(define)));
             }
         }

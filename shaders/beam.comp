@@ -61,6 +61,9 @@ void main() {
     uvec2 tile = dealt_tile(gl_WorkGroupSize);
     uvec2 tiles = (uvec2(frame.width, push.rows) + SIDE - 1u) / SIDE;
     if (any(greaterThanEqual(tile, tiles))) return;
+#ifdef LOGGED
+    log_begin(frame.colors, tile.y * tiles.x + tile.x);
+#endif
 
     // The corner rays: origin from the first one's cell, direction a unit of depth.
     vec4 ox, oy, oz, dx, dy, dz;
@@ -87,7 +90,9 @@ void main() {
     int level = frame.top_level;
     if (BEFORE > 0u) {
         uvec2 before = tile * SIDE / BEFORE;
-        uint start = WIDE_BEAM[before.y * ((frame.width + BEFORE - 1u) / BEFORE) + before.x];
+        uint wide_tile = before.y * ((frame.width + BEFORE - 1u) / BEFORE) + before.x;
+        log_load(frame.wide_beams, wide_tile);
+        uint start = WIDE_BEAM[wide_tile];
         s = beam_depth(start);
         level = beam_level(start);
     }
@@ -96,6 +101,7 @@ void main() {
     here.slot = NO_NODE;
     bool gone = s > FAR;
     for (int step = 0; step < 96 && !gone; step++) {
+        log_step();
         vec4 x = fma(vec4(s), dx, ox), y = fma(vec4(s), dy, oy), z = fma(vec4(s), dz, oz);
         vec2 lo = vec2(min4(x), min4(y)), hi = vec2(max4(x), max4(y));
         // Rounding of places and heights, generously.
@@ -151,4 +157,7 @@ void main() {
     uint at = tile.y * tiles.x + tile.x;
     if (BEFORE > 0u) BEAM[at] = reached;
     else WIDE_BEAM[at] = reached;
+#ifdef LOGGED
+    log_end();
+#endif
 }

@@ -16,7 +16,14 @@ void main() {
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
     uint at = pixel.y * frame.width + pixel.x;
     Ray ray = ray_of(pixel);
+#ifdef LOGGED
+    log_begin(frame.colors, at);
+#endif
     Hit hit = trace_pixel(pixel, ray);
+#ifdef LOGGED
+    log_end();
+    return;
+#endif
 
     bool miss = hit.slot == NO_NODE;
     uint shows = miss ? 0u : shown_at(hit.slot, hit.column);

@@ -104,6 +104,7 @@ layout(push_constant, scalar) uniform Push {
     uvec3 origin_fraction;
 } push;
 
+#define log_node(slot, word) log_load(frame.table, (slot) * 16u + uint(word))
 #ifdef POOL_TEXELS
 uint beam_at(uint tile) { return imageLoad(beam_texels, int(tile)).r; }
 uint node_word(uint slot, int word) { return imageLoad(table_texels, int(slot * 16u) + word).r; }
@@ -114,13 +115,13 @@ uvec2 node_pyramid(uint slot) { return uvec2(node_word(slot, 4), node_word(slot,
 int node_base(uint slot) { return int(node_word(slot, 6)); }
 uint node_beside(uint slot, uint side) { return node_word(slot, 7 + int(side)); }
 #else
-uint beam_at(uint tile) { return BEAM[tile]; }
-uvec2 node_key(uint slot) { return NODE[slot].key; }
-uint node_top(uint slot) { return NODE[slot].top; }
-uint node_meta(uint slot) { return NODE[slot].meta; }
-uvec2 node_pyramid(uint slot) { return NODE[slot].pyramid; }
-int node_base(uint slot) { return NODE[slot].base; }
-uint node_beside(uint slot, uint side) { return NODE[slot].beside[side]; }
+uint beam_at(uint tile) { log_load(frame.beams, tile); return BEAM[tile]; }
+uvec2 node_key(uint slot) { log_node(slot, 0); return NODE[slot].key; }
+uint node_top(uint slot) { log_node(slot, 2); return NODE[slot].top; }
+uint node_meta(uint slot) { log_node(slot, 3); return NODE[slot].meta; }
+uvec2 node_pyramid(uint slot) { log_node(slot, 4); return NODE[slot].pyramid; }
+int node_base(uint slot) { log_node(slot, 6); return NODE[slot].base; }
+uint node_beside(uint slot, uint side) { log_node(slot, 7u + side); return NODE[slot].beside[side]; }
 #endif
 
 // t beyond which a ray has left everything; an axis along which it does not move is crossed later than that.
@@ -171,19 +172,28 @@ void add(inout int integer, inout uint fraction, int other_int, uint other_fract
     integer += other_int + int(carry);
 }
 
+// Whether rows of groups are dealt out; otherwise groups have their own order.
+layout(constant_id = 5) const bool DEALT = true;
+
 // The tile of this thread, groups being so large. Rows of groups are dealt out, the even ones first: a driver that
 // gives each of its threads a stretch of a dispatch gives each as much of the sky as of the ground.
 uvec2 dealt_tile(uvec3 group) {
-    uint y = gl_WorkGroupID.y * 2u, rows = gl_NumWorkGroups.y;
-    if (y >= rows) y = (y - rows) | 1u;
+    uint y = gl_WorkGroupID.y, rows = gl_NumWorkGroups.y;
+    if (DEALT) {
+        y *= 2u;
+        if (y >= rows) y = (y - rows) | 1u;
+    }
     return uvec2(gl_WorkGroupID.x, y) * group.xy + gl_LocalInvocationID.xy;
 }
 
-// The pixel of this thread in a group of 8x8, dealt out so. Eight threads in a row have 4x2 pixels: they run together,
-// and the squarer their patch the more alike their rays.
+// The pixel of this thread, dealt out so. 32 threads in a row have 8x4 pixels, eight of them 4x2: they run together, and
+// the squarer their pixels the more alike their rays. Groups that 8x4 does not fill have their pixels row by row.
 uvec2 dealt_pixel(uvec3 group) {
-    uvec2 thread = gl_LocalInvocationID.xy;
-    return dealt_tile(group) - thread + uvec2(thread.x & 3u | (thread.y & 1u) << 2u, thread.x >> 2u | thread.y & 6u);
+    uvec2 first = dealt_tile(group) - gl_LocalInvocationID.xy;
+    if (group.x % 8u != 0u || group.y % 4u != 0u) return first + gl_LocalInvocationID.xy;
+    uint n = gl_LocalInvocationIndex, block = n >> 5u, across = group.x / 8u;
+    return first + uvec2(block % across, block / across) * uvec2(8u, 4u)
+         + uvec2(n & 3u | n >> 1u & 4u, n >> 2u & 1u | n >> 3u & 2u);
 }
 
 // How far a beam came (depths from the eye on; to 18 bits, and never too far), and its level.

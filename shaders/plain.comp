@@ -41,5 +41,12 @@ uvec4 plain_hit(float t, PlainNode node, ivec2 cell, uint face) {
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
-    HIT[pixel.y * frame.width + pixel.x] = trace(ray_of(pixel));
+    uint at = pixel.y * frame.width + pixel.x;
+#ifdef LOGGED
+    log_begin(frame.colors, at);
+#endif
+    HIT[at] = trace(ray_of(pixel));
+#ifdef LOGGED
+    log_end();
+#endif
 }

@@ -37,6 +37,7 @@ uvec4 trace(Ray ray) {
     const int top_level = plain_top_level();
     int level = top_level;
     while (all(greaterThanEqual(cell, low)) && all(lessThan(cell, high))) {
+        log_step();
         // 2a. Exit point: the nearer of the two borders, set exactly.
         ivec2 edge = (cell >> level) + 1;
         vec2 steps = (vec2((edge << level) - cell) - fraction) * inverse;

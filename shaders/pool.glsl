@@ -5,6 +5,7 @@
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_buffer_reference_uvec2 : require
 #extension GL_EXT_scalar_block_layout : require
+#include "log.glsl"
 
 #ifdef POOL_SSBO
 
@@ -25,7 +26,7 @@ uint pool_load(uvec2 place, uint word) { return imageLoad(pool_texels, int(place
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Words { uint w[]; };
 
-uint pool_load(uvec2 place, uint word) { return Words(place).w[word]; }
+uint pool_load(uvec2 place, uint word) { log_load(place, word); return Words(place).w[word]; }
 void pool_store(uvec2 place, uint word, uint value) { Words(place).w[word] = value; }
 
 #endif

@@ -31,7 +31,9 @@ PlainNode plain_node(ivec2 cell, int level) {
     // Where the level starts: 4^n + 4^(n-1) + ... of the finer ones.
     uint offset = (0x55555554u & ((1u << (2u * n + 1u)) - 1u)) & ~((1u << (2u * n + 2u - 2u * l)) - 1u);
     uvec2 inner = uvec2(cell - window_low) >> l;
-    return PlainNode(Heights(heights).h[offset + (inner.y << (n - l)) + inner.x], true);
+    uint at = offset + (inner.y << (n - l)) + inner.x;
+    log_load(heights, at);
+    return PlainNode(Heights(heights).h[at], true);
 }
 
 uvec4 plain_hit(float t, PlainNode node, ivec2 cell, uint face) {
@@ -52,8 +54,15 @@ void main() {
     heights = frame.table;
     window_low = frame.low;
     side_log2 = frame.table_mask;
-    uvec4 hit = trace(ray_of(pixel));
     uint at = pixel.y * frame.width + pixel.x;
+#ifdef LOGGED
+    log_begin(frame.colors, at);
+#endif
+    uvec4 hit = trace(ray_of(pixel));
+#ifdef LOGGED
+    log_end();
+    return;
+#endif
     uint rgba = 0u;
     if (hit.y != NO_NODE) rgba = ColorMap(frame.ramp).rgba[hit.y];
     if (SCREEN) {

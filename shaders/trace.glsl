@@ -95,6 +95,7 @@ Hit trace(Ray ray, float start, int level) {
         bool east;
         while (true) {
             hit.steps++;
+            log_step();
             vec2 ts = t_at(walk, node + 1 << level);
             east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
             t_exit = max(east ? ts.x : ts.y, t);
@@ -144,6 +145,7 @@ Hit trace(Ray ray, float start, int level) {
         int base = node_base(hit.slot);
         while (true) {
             hit.steps++;
+            log_step();
             vec2 ts = t_at(walk, node + 1 << level);
             east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
             t_exit = max(east ? ts.x : ts.y, t);
@@ -207,8 +209,12 @@ Hit trace(Ray ray, float start, int level) {
     return hit;
 }
 
+// Whether rays start behind beams, or at the eye.
+layout(constant_id = 6) const bool BEAMED = true;
+
 // The hit of a pixel of the band behind the beam of its tile.
 Hit trace_pixel(uvec2 pixel, Ray ray) {
+    if (!BEAMED) return trace(ray, ray.start, frame.top_level);
     uvec2 tile = pixel / TILE;
     uint beam = beam_at(tile.y * ((frame.width + TILE - 1u) / TILE) + tile.x);
     // A little before, for rounding.

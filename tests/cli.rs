@@ -1248,7 +1248,11 @@ fn bench_measures_both_pipelines() {
         &[],
     );
     assert_eq!((ran.code, ran.said.as_str()), (Some(0), ""));
-    assert!(ran.printed.contains("thesis / pool, trace: turn "), "{}", ran.printed);
+    for said in
+        ["thesis / pool, trace: turn ", "thesis in strips of: ", "times of the same frames differ by: turn "]
+    {
+        assert!(ran.printed.contains(said), "{}", ran.printed);
+    }
     assert!(ran.printed.lines().all(|line| line.chars().count() <= 110), "{}", ran.printed);
     let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -1265,6 +1269,14 @@ fn bench_measures_both_pipelines() {
         // The pool streams in every frame of 20 s.
         assert_eq!(samples(row, "copy_bytes"), if pool { 1200 } else { 2 });
         assert!(row["trace_ms"]["median"].as_f64().unwrap() > 0.0);
+        // Each frame was timed three times, and the passes with it.
+        assert_eq!(row["repeats"]["ms"].as_array().unwrap().len(), 3);
+        assert!(row["spread"].as_f64().unwrap() >= 0.0);
+        let passes = row["passes_ms"].as_object().unwrap();
+        let names = passes.keys().map(String::as_str).collect::<Vec<_>>();
+        assert_eq!(names, if pool { vec!["beams", "trace", "wide beams"] } else { vec!["trace"] });
+        assert!(passes.keys().all(|name| samples(&row["passes_ms"], name) == 2));
+        assert_eq!(row["strip"].is_array(), !pool);
         if pool {
             assert!(row["differ"].as_f64().unwrap() <= 1e-3, "{row}");
             assert!(row["steps_per_ray"].as_f64().unwrap() > 0.0);
@@ -1279,7 +1291,11 @@ fn bench_measures_both_pipelines() {
     let ratios = &json["ratios"][0];
     assert_eq!(ratios["paths"].as_array().unwrap().len(), 2);
     assert!(ratios["bytes"][0].is_null() && ratios["bytes"][1].as_f64().unwrap() > 0.0);
-    assert!(ratios["trace_median"].as_f64().unwrap() > 0.0);
+    // Times that are not alike have no ratio.
+    let steady = |pair: &[serde_json::Value]| pair.iter().all(|row| row["steady"] == true);
+    let has_ratio =
+        ratios["trace"].as_array().unwrap().iter().map(|ratio| ratio.as_f64().is_some_and(|r| r > 0.0));
+    assert_eq!(has_ratio.collect::<Vec<_>>(), rows.chunks(2).map(steady).collect::<Vec<_>>());
     assert!(json["skipped"].as_array().unwrap().is_empty());
     assert!(fs::read_to_string(folder.path().join("a.svg")).unwrap().starts_with("<svg"));
 }

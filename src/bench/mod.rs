@@ -5,14 +5,19 @@ mod cache;
 pub mod frames;
 pub mod ingest;
 pub mod load;
+pub mod log;
 #[cfg(feature = "embree")]
 pub mod peer;
 pub mod plot;
 pub mod pool;
 pub mod report;
+pub mod steady;
 pub mod stream;
 pub mod thesis;
 pub mod world;
+
+use crate::gpu::GpuError;
+use crate::render::frame::FrameError;
 
 /// One frame's times and bytes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -41,6 +46,16 @@ pub fn free_bytes() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
     Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10)
+}
+
+/// Whether `error` says that the device is too small, and nothing worse.
+pub fn is_too_large(error: &anyhow::Error) -> bool {
+    let gpu = match error.downcast_ref() {
+        Some(FrameError::Gpu(gpu)) => Some(gpu),
+        Some(_) => return false,
+        None => error.downcast_ref::<GpuError>(),
+    };
+    !error.is::<frames::Stopped>() && gpu.is_none_or(|gpu| matches!(gpu, GpuError::Memory { .. }))
 }
 
 fn ms(from: std::time::Instant) -> f64 {

@@ -1,11 +1,12 @@
 //! Our pipeline in the harness: the persistent pool over the same window. A section is packed and copied once, when
 //! the window comes near it; a frame draws what is resident and waits for none.
 
+use super::steady::{Timing, WarmUp};
 use super::world::World;
 use super::{FrameTimes, ms};
 use crate::coords::{SECTION_LOG2, SectionKey};
 use crate::gpu::{Gpu, Order, QueueKind, SyncPoint, Timestamps};
-use crate::render::frame::{FrameError, PASSES, Renderer, View};
+use crate::render::frame::{FrameError, PASSES, Renderer, Repeats, View};
 use crate::render::image::Image;
 use crate::stream::pool::Access;
 use crate::stream::scene::Scene;
@@ -15,8 +16,8 @@ use std::time::{Duration, Instant};
 
 /// Frames that are looked ahead, at the speed of the moment.
 pub const AHEAD: u32 = 3;
-/// Device memory for sections, bytes.
-const BUDGET: u64 = 3 << 30;
+/// Most device memory for sections, bytes.
+pub const BUDGET: u64 = 3 << 30;
 
 /// The pipeline for one window size.
 pub struct Pool {
@@ -39,6 +40,24 @@ fn grown([low, high]: [[i32; 2]; 2]) -> [[i32; 2]; 2] {
     [low.map(|c| c - side), high.map(|c| c + side)]
 }
 
+/// Times the passes of `view` by `renderer`; `clock` has [`WarmUp::STAGES`].
+pub fn time(
+    scene: &mut Scene,
+    renderer: &mut Renderer,
+    view: &View,
+    warm_up: &mut WarmUp,
+    clock: &mut Timestamps,
+) -> Result<Timing, FrameError> {
+    let table = renderer.table(scene);
+    let timing = warm_up.time(|repeats| {
+        renderer.repeat(repeats);
+        let point = renderer.submit_frame(scene, view, &table, Some(clock))?;
+        Ok(clock.resolve(&mut scene.order, point)?)
+    });
+    renderer.repeat(Repeats::ONCE);
+    timing
+}
+
 impl Pool {
     /// An empty pool for windows of `cells` a side.
     pub fn new(gpu: &Gpu, world: &World, cells: u32) -> Result<Pool, FrameError> {
@@ -47,6 +66,11 @@ impl Pool {
         let side = u64::from(cells.div_ceil(1 << SECTION_LOG2)) + 3;
         let count = side * (side + 2 * u64::from(AHEAD));
         let access = Access::best(gpu, count * world.mean_derived_bytes());
+        Pool::with_access(gpu, world, access, budget)
+    }
+
+    /// The same, reached by `access`, of at most `budget` bytes.
+    pub fn with_access(gpu: &Gpu, world: &World, access: Access, budget: u64) -> Result<Pool, FrameError> {
         let mut scene = Scene::new(gpu, |o: Order| o, access, budget, world.visibility, world.grid)?;
         scene.time();
         let renderer = Renderer::new(&scene, world.grid, world.anchor)?;
@@ -127,6 +151,30 @@ impl Pool {
         self.scene.settle()?;
         times.copy_ms = self.device_ms()?;
         Ok(times)
+    }
+
+    /// Makes what `window` holds resident, and no more than that if there is no room.
+    pub fn place(&mut self, world: &World, window: [[i32; 2]; 2]) -> anyhow::Result<()> {
+        self.stream(world, &[window], &mut FrameTimes::default())?;
+        self.scene.settle()?;
+        self.device_ms()?;
+        Ok(())
+    }
+
+    /// Times the passes of `view`, with all that is on its way there.
+    pub fn time(
+        &mut self,
+        view: &View,
+        warm_up: &mut WarmUp,
+        clock: &mut Timestamps,
+    ) -> anyhow::Result<Timing> {
+        self.scene.settle()?;
+        Ok(time(&mut self.scene, &mut self.renderer, view, warm_up, clock)?)
+    }
+
+    /// For frames of other renderers than its own.
+    pub fn scene(&mut self) -> &mut Scene {
+        &mut self.scene
     }
 
     /// Device time of the copies and derived passes that have ended since the last look, ms.

@@ -1,8 +1,10 @@
 //! What a benchmark found: as JSON for programs, as tables for people.
 
+use super::steady::Repeats;
 use crate::output::Signed;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::ser::{Formatter, PrettyFormatter};
+use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 use std::io::{self, Write};
 
@@ -115,6 +117,24 @@ pub struct Row {
     /// Largest share of pixels in which a picture differs from the other pipeline's.
     #[serde(default)]
     pub differ: Option<f64>,
+    /// Each pass of `trace_ms` by its name, ms a frame.
+    #[serde(default)]
+    pub passes_ms: BTreeMap<String, Stat>,
+    /// The timed frames together, once for each time that they were timed: see [`super::steady`].
+    #[serde(default)]
+    pub repeats: Repeats,
+    /// By how much those differ, of the least.
+    #[serde(default)]
+    pub spread: Option<f64>,
+    /// They are alike, and were taken at a clock that had time to rise: only then there is a ratio.
+    #[serde(default)]
+    pub steady: bool,
+    /// The device's clock follows its load: `total_ms` is at clocks that nobody knows, and is not compared.
+    #[serde(default)]
+    pub clock_wanders: bool,
+    /// Pixels that a workgroup of the thesis' kernel covers.
+    #[serde(default)]
+    pub strip: Option<[u32; 2]>,
 }
 
 /// Thesis over pool under one configuration, path by path.
@@ -130,7 +150,7 @@ pub struct Ratios {
     pub bytes: Vec<Option<f64>>,
     /// Mean time to prepare; `None`: the pool prepares nothing.
     pub prepare: Vec<Option<f64>>,
-    /// Median time to trace.
+    /// Median time to trace; `None` where one of both was not steady.
     pub trace: Vec<Option<f64>>,
     /// Median of `trace`.
     pub trace_median: Option<f64>,
@@ -158,6 +178,12 @@ impl Row {
             steps_per_ray: None,
             ns_per_step: None,
             differ: None,
+            passes_ms: BTreeMap::new(),
+            repeats: Repeats::default(),
+            spread: None,
+            steady: false,
+            clock_wanders: false,
+            strip: None,
         }
     }
 
@@ -515,7 +541,9 @@ impl Report {
                 bytes.push(mean(|row| &row.copy_bytes));
                 prepare.push(mean(|row| &row.prepare_ms));
                 let median = |row: &Row| row.trace_ms.as_ref().map(|s| s.median);
-                trace.push(median(thesis).zip(median(pool)).map(|(a, b)| a / b).filter(|r| r.is_finite()));
+                let both = thesis.steady && pool.steady;
+                let pair = median(thesis).zip(median(pool)).filter(|_| both);
+                trace.push(pair.map(|(a, b)| a / b).filter(|r| r.is_finite()));
             }
             let trace_median = Stat::of(trace.iter().copied().flatten().collect()).map(|s| s.median);
             Ratios { grid, levels, paths, bytes, prepare, trace, trace_median }
@@ -611,6 +639,20 @@ impl Report {
     /// What was late, and what differs.
     fn notes(&self, out: &mut String, configuration: [u32; 2]) {
         let here = || self.rows.iter().filter(|row| [row.grid, row.levels] == configuration);
+        let strip = here().find_map(|row| row.strip);
+        words(out, "thesis in strips of", strip.map(|[w, h]| format!("{w}x{h}")).into_iter());
+        let names = ["wide beams", "beams", "trace", "shade"];
+        let passes = here().filter(|row| row.pipeline == Pipeline::Pool).filter_map(|row| {
+            let some = names.iter().filter_map(|&name| Some(number(row.passes_ms.get(name)?.median)));
+            let some: Vec<_> = some.collect();
+            (!some.is_empty()).then(|| format!("{} {}", row.path, some.join(" + ")))
+        });
+        words(out, "pool, wide beams + beams + trace, ms", passes);
+        let spread = here().filter_map(|row| {
+            let mark = if row.steady { "" } else { " (not steady)" };
+            Some(format!("{} {} {:.1} %{mark}", row.path, row.pipeline.name(), 100.0 * row.spread?))
+        });
+        words(out, "times of the same frames differ by", spread);
         let late = here().filter(|row| row.missing_sections.is_some_and(|n| n > 0));
         let late = late.map(|row| format!("{} {}", row.path, row.missing_sections.unwrap_or(0)));
         words(out, "sections late", late);
@@ -649,6 +691,7 @@ impl Report {
                 row.map_or([None; 5], Row::means)
             });
             let pair = means[0][3].zip(means[1][3]);
+            let pair = pair.filter(|_| !here().any(|row| row.path == path && row.clock_wanders));
             totals.extend(pair);
             line(out, path, means, pair.map(|(thesis, pool)| thesis / pool));
         }
@@ -960,6 +1003,8 @@ pub(super) mod tests {
                         trace_ms: stat(trace),
                         trace_wall_ms: stat(trace + 0.1),
                         total_ms: stat(prepare + copy + trace + 0.2 + 0.01 * f64::from(k)),
+                        spread: Some(0.02),
+                        steady: true,
                         ..Row::new(pipeline, grid, levels, path)
                     });
                 }

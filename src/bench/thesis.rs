@@ -2,13 +2,14 @@
 //! an array of sections, row by row, into one mapped buffer (§3.2.2), copied to the device in two pieces, heights
 //! and colours (§3.1.2), and traced by the plain traversal (§3.2.3) in upright strips (§3.3.2).
 
+use super::steady::{Timing, WarmUp};
 use super::world::World;
 use super::{FrameTimes, ms};
 use crate::gpu::{
-    BindingKind, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
-    Timestamps, shaders,
+    BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
+    Recipe, SyncPoint, Timestamps, shaders,
 };
-use crate::render::frame::{FrameConstants, FrameError, Push, Rays, View};
+use crate::render::frame::{FrameConstants, FrameError, LOG_WORDS, Push, Rays, Repeats, View};
 use cpu_time::ThreadTime;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -108,14 +109,52 @@ impl Section {
 /// idle beside them changes no time of a frame.
 const FILLED: usize = 6;
 
+/// Strips of which the fastest is the baseline; the first one runs on every device.
+pub const STRIPS: [[u32; 2]; 3] = [[1, 64], [8, 32], [8, 8]];
+
+/// The kernel in strips of one shape. A clone is another handle.
+#[derive(Clone)]
+pub struct Kernel {
+    /// What is timed: a word a pixel, for the screen.
+    screen: ComputePipeline,
+    /// With records of the hits, for checks.
+    records: ComputePipeline,
+    group: [u32; 2],
+}
+
+impl Kernel {
+    /// `group`: pixels that a workgroup covers.
+    pub fn new(gpu: &Gpu, group: [u32; 2]) -> Result<Kernel, GpuError> {
+        let screen = Kernel::recipe(group).make(gpu)?;
+        let records = Kernel::recipe_of(group, shaders::THESIS, false).make(gpu)?;
+        Ok(Kernel { screen, records, group })
+    }
+
+    /// The program that is timed.
+    pub fn recipe(group: [u32; 2]) -> Recipe {
+        Kernel::recipe_of(group, shaders::THESIS, true)
+    }
+
+    fn recipe_of(group: [u32; 2], words: &'static [u32], screen: bool) -> Recipe {
+        Recipe {
+            name: "thesis",
+            words,
+            constants: vec![(0, group[0]), (1, group[1]), (2, u32::from(screen))],
+            push_bytes: size_of::<Push>() as u32,
+            bindings: &[BindingKind::Uniform],
+        }
+    }
+}
+
+/// Rows of a picture that are logged at a time.
+const LOG_ROWS: u32 = 64;
+
 /// The pipeline for one configuration.
 pub struct Thesis {
     config: Config,
     order: Order,
     sections: VecDeque<Section>,
-    /// For the screen; and with records of the hits, for checks.
-    trace: [ComputePipeline; 2],
-    group: [u32; 2],
+    kernel: Kernel,
     staging: Buffer,
     heights: Buffer,
     colors: Buffer,
@@ -156,12 +195,6 @@ fn cut<'a, T: Copy + 'a>(to: &mut [T], n: usize, low: [i32; 2], plane: impl Fn([
 impl Thesis {
     /// For pictures of `size`; `group`: pixels a workgroup covers.
     pub fn new(gpu: &Gpu, config: Config, size: [u32; 2], group: [u32; 2]) -> Result<Thesis, GpuError> {
-        let kernel = |screen: bool| {
-            let constants = [(0, group[0]), (1, group[1]), (2, u32::from(screen))];
-            let push_bytes = size_of::<Push>() as u32;
-            let bindings = [BindingKind::Uniform];
-            ComputePipeline::new(gpu, "thesis", shaders::THESIS, &constants, push_bytes, &bindings)
-        };
         let pixels = 16 * u64::from(size[0]) * u64::from(size[1]);
         let make = |name: &str, kind, bytes| Buffer::new(gpu, name, kind, bytes);
         let height_bytes = 4 * config.heights() as u64;
@@ -171,8 +204,7 @@ impl Thesis {
             config,
             order: Order::new(gpu, 1)?,
             sections: VecDeque::new(),
-            trace: [kernel(true)?, kernel(false)?],
-            group,
+            kernel: Kernel::new(gpu, group)?,
             staging: make("camera section, host", MemoryKind::Upload, config.bytes())?,
             heights: make("camera section, heights", MemoryKind::Device, height_bytes)?,
             colors: make("camera section, colours", MemoryKind::Device, config.bytes() - height_bytes)?,
@@ -233,14 +265,30 @@ impl Thesis {
         });
     }
 
-    /// Draws a frame: the camera section at `window` is cut out, copied and traced, one after the other.
-    pub fn frame(&mut self, view: &View, world: &World) -> Result<FrameTimes, FrameError> {
-        let window = view.window.expect("a camera section");
-        let (begin, ran) = (Instant::now(), ThreadTime::now());
-        self.extract(window);
-        let prepare_ms = ran.elapsed().as_secs_f64() * 1e3;
+    /// Pixels that a workgroup covers.
+    pub fn strip(&self) -> [u32; 2] {
+        self.kernel.group
+    }
 
-        let copying = Instant::now();
+    /// The kernel of the frames to come.
+    pub fn use_kernel(&mut self, kernel: &Kernel) {
+        self.kernel = kernel.clone();
+    }
+
+    /// Cuts out and copies the camera section at `window`, which is loaded; waits for it.
+    pub fn place(&mut self, window: [[i32; 2]; 2]) -> Result<(), FrameError> {
+        self.extract(window);
+        let copied = self.copy()?;
+        self.take(copied)?;
+        if let Some([clock, _]) = &mut self.clocks {
+            clock.resolve(&mut self.order, copied)?;
+        }
+        self.order.collect()?;
+        Ok(())
+    }
+
+    /// Copies the mapped buffer in its two pieces, and waits for that.
+    fn copy(&mut self) -> Result<SyncPoint, FrameError> {
         let mut copy = self.order.begin_copy("camera section", &[])?;
         if let Some([clock, _]) = &mut self.clocks {
             clock.begin(&mut copy);
@@ -255,13 +303,32 @@ impl Thesis {
         }
         let copied = self.order.submit(copy)?;
         self.order.wait(copied)?;
+        Ok(copied)
+    }
+
+    /// Takes what was copied over to the compute queue.
+    fn take(&mut self, copied: SyncPoint) -> Result<(), FrameError> {
+        let taken = self.order.begin_build("camera section", &[copied])?;
+        self.order.submit(taken)?;
+        Ok(())
+    }
+
+    /// Draws a frame: the camera section at `window` is cut out, copied and traced, one after the other.
+    pub fn frame(&mut self, view: &View, world: &World) -> Result<FrameTimes, FrameError> {
+        let window = view.window.expect("a camera section");
+        let (begin, ran) = (Instant::now(), ThreadTime::now());
+        self.extract(window);
+        let prepare_ms = ran.elapsed().as_secs_f64() * 1e3;
+
+        let copying = Instant::now();
+        let copied = self.copy()?;
         let copy_wall_ms = ms(copying);
 
         let tracing = Instant::now();
-        // Takes the copy over to the compute queue.
-        let taken = self.order.begin_build("camera section", &[copied])?;
-        self.order.submit(taken)?;
-        let traced = self.trace(view, world, false)?;
+        self.take(copied)?;
+        let mut clocks = self.clocks.take();
+        let traced = self.submit(view, world, Repeats::ONCE, clocks.as_mut().map(|[_, clock]| clock))?;
+        self.clocks = clocks;
         self.order.wait(traced)?;
         let trace_wall_ms = ms(tracing);
         let total_ms = ms(begin);
@@ -283,47 +350,136 @@ impl Thesis {
         })
     }
 
-    fn trace(&mut self, view: &View, world: &World, read: bool) -> Result<crate::gpu::SyncPoint, FrameError> {
+    /// Times the kernel for `view` of the camera section that was copied last; `clock` has [`WarmUp::STAGES`].
+    pub fn time(
+        &mut self,
+        view: &View,
+        world: &World,
+        warm_up: &mut WarmUp,
+        clock: &mut Timestamps,
+    ) -> Result<Timing, FrameError> {
+        warm_up.time(|repeats| {
+            let point = self.submit(view, world, repeats, Some(clock))?;
+            Ok(clock.resolve(&mut self.order, point)?)
+        })
+    }
+
+    /// Traces `view` as often as `repeats` says. With a `clock` of `repeats.stages(1)` stages, the timed runs are stages
+    /// `"trace"` of it.
+    fn submit(
+        &mut self,
+        view: &View,
+        world: &World,
+        repeats: Repeats,
+        mut clock: Option<&mut Timestamps>,
+    ) -> Result<SyncPoint, FrameError> {
+        let image = self.image.clone();
+        let (mut commands, constants) = self.begin(view, world, &image)?;
+        if let Some(clock) = clock.as_mut() {
+            clock.begin(&mut commands);
+        }
+        let kernel = &self.kernel.screen;
+        let binding = kernel.binding(&[&self.constants])?;
+        for run in 0..repeats.before + repeats.timed {
+            if run > 0 {
+                self.order.next_pass(&mut commands);
+            }
+            commands.bind(kernel);
+            commands.push(bytemuck::bytes_of(&Push::whole(&constants)));
+            commands.bind_buffers(&binding);
+            commands.dispatch(self.groups(self.size[1]));
+            if let Some(clock) = clock.as_mut().filter(|_| run + 1 >= repeats.before) {
+                clock.end(&mut commands, if run < repeats.before { "before" } else { "trace" });
+            }
+        }
+        Ok(self.order.submit(commands)?)
+    }
+
+    fn groups(&self, rows: u32) -> [u32; 3] {
+        let [x, y] = self.kernel.group;
+        [self.size[0].div_ceil(x), rows.div_ceil(y), 1]
+    }
+
+    /// A frame that keeps what the kernel reads and writes, and the constants of `view`, written already.
+    fn begin(
+        &mut self,
+        view: &View,
+        world: &World,
+        image: &Buffer,
+    ) -> Result<(Commands, FrameConstants), FrameError> {
         let rays = Rays::of(view, &world.grid, world.anchor)?;
         let [low, high] = view.window.expect("a camera section");
         let constants = FrameConstants::new(view, &rays, &world.grid, world.anchor).over(
-            [&self.heights, &self.hits, &self.image, &self.colors],
+            [&self.heights, &self.hits, image, &self.colors],
             self.config.side().ilog2(),
             self.config.levels as i32 - 1,
             [low, high],
         );
         let (mut commands, _) = self.order.begin_frame("thesis frame")?;
         self.constants.write(0, bytemuck::bytes_of(&constants));
-        for buffer in [&self.heights, &self.colors, &self.constants, &self.hits, &self.image] {
+        for buffer in [&self.heights, &self.colors, &self.constants, &self.hits, image] {
             commands.keep(buffer.clone());
         }
-        let mut clock = self.clocks.as_mut().map(|[_, clock]| clock).filter(|_| !read);
-        if let Some(clock) = clock.as_mut() {
-            clock.begin(&mut commands);
-        }
-        let kernel = &self.trace[usize::from(read)];
-        commands.bind(kernel);
-        commands.push(bytemuck::bytes_of(&Push::whole(&constants)));
-        commands.bind_buffers(&kernel.binding(&[&self.constants])?);
-        commands.dispatch([self.size[0].div_ceil(self.group[0]), self.size[1].div_ceil(self.group[1]), 1]);
-        if let Some(clock) = clock {
-            clock.end(&mut commands, "trace");
-        }
-        if read {
-            let all = BufferCopy { from: 0, to: 0, size: self.hits.size() };
-            let copies = [(&self.hits, &self.hits_back, all), (&self.image, &self.image_back, all)];
-            self.order.readback(&mut commands, &copies);
-        }
-        Ok(self.order.submit(commands)?)
+        Ok((commands, constants))
     }
 
-    /// The picture of the camera section that the last frame copied.
+    /// The picture of the camera section that was copied last.
     pub fn picture(&mut self, view: &View, world: &World) -> Result<Picture, FrameError> {
-        let point = self.trace(view, world, true)?;
+        let image = self.image.clone();
+        let (mut commands, constants) = self.begin(view, world, &image)?;
+        self.dispatch(&mut commands, &self.kernel.records, Push::whole(&constants), self.size[1])?;
+        let all = BufferCopy { from: 0, to: 0, size: self.hits.size() };
+        let copies = [(&self.hits, &self.hits_back, all), (&self.image, &self.image_back, all)];
+        self.order.readback(&mut commands, &copies);
+        let point = self.order.submit(commands)?;
         let pixels = self.size[0] as usize * self.size[1] as usize;
         let mut picture = Picture { hits: vec![[0; 4]; pixels], colors: vec![[0.0; 4]; pixels] };
         self.order.read(point, &self.hits_back, 0, bytemuck::cast_slice_mut(&mut picture.hits))?;
         self.order.read(point, &self.image_back, 0, bytemuck::cast_slice_mut(&mut picture.colors))?;
         Ok(picture)
+    }
+
+    /// What the kernel's threads do for `view`, row by row from the top: `each` is given the width and [`LOG_WORDS`] words
+    /// of each thread of some rows. See `shaders/log.glsl`.
+    pub fn log(
+        &mut self,
+        gpu: &Gpu,
+        view: &View,
+        world: &World,
+        mut each: impl FnMut(usize, &[u32]),
+    ) -> Result<(), FrameError> {
+        let [width, height] = self.size;
+        let bytes = |rows: u32| 4 * LOG_WORDS as u64 * u64::from(width) * u64::from(rows);
+        let log = Buffer::new(gpu, "log", MemoryKind::Device, bytes(LOG_ROWS))?;
+        let back = Buffer::new(gpu, "log read back", MemoryKind::Readback, bytes(LOG_ROWS))?;
+        let program = Kernel::recipe_of(self.kernel.group, shaders::THESIS_LOGGED, false).make(gpu)?;
+        let mut words = vec![0u32; bytes(LOG_ROWS) as usize / 4];
+        for first_row in (0..height).step_by(LOG_ROWS as usize) {
+            let rows = LOG_ROWS.min(height - first_row);
+            let (mut commands, constants) = self.begin(view, world, &log)?;
+            let push = Push::new(&constants, [0, 1], [first_row, rows]);
+            self.dispatch(&mut commands, &program, push, rows)?;
+            let all = BufferCopy { from: 0, to: 0, size: bytes(rows) };
+            self.order.readback(&mut commands, &[(&log, &back, all)]);
+            let point = self.order.submit(commands)?;
+            let words = &mut words[..bytes(rows) as usize / 4];
+            self.order.read(point, &back, 0, bytemuck::cast_slice_mut(words))?;
+            each(width as usize, words);
+        }
+        Ok(())
+    }
+
+    fn dispatch(
+        &self,
+        commands: &mut Commands,
+        program: &ComputePipeline,
+        push: Push,
+        rows: u32,
+    ) -> Result<(), GpuError> {
+        commands.bind(program);
+        commands.push(bytemuck::bytes_of(&push));
+        commands.bind_buffers(&program.binding(&[&self.constants])?);
+        commands.dispatch(self.groups(rows));
+        Ok(())
     }
 }

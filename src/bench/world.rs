@@ -1,13 +1,15 @@
 //! What both pipelines draw: sections in host memory, repeated without end, so that no path runs out of land.
 
-use crate::attribute::{ColorTable, Record};
+use crate::attribute::{AttributeError, ClassMask, ColorTable, Record};
 use crate::coords::{Grid, Height, SECTION_SIDE, SectionKey};
-use crate::load::Loaded;
+use crate::load::{self, LoadError, LoadOptions, Loaded};
+use crate::problems::Problems;
 use crate::render::camera::Bounds;
 use crate::section::{Columns, Packed, column_at};
 use crate::source::FLAG_WITHHELD;
 use crate::stream::pool::slot_bytes;
 use crate::stream::scene::Visibility;
+use crate::synth;
 use std::collections::HashMap;
 
 /// Binned columns on a torus: the section at (i, j) is the one at (i mod width, j mod depth).
@@ -49,7 +51,36 @@ fn tops(packed: &Packed, visibility: &Visibility, mut each: impl FnMut(usize, Re
     });
 }
 
+/// Points of the town that is flown over: 4096 × 4096 cells.
+pub const TOWN_POINTS: u64 = 1 << 25;
+/// Points of it in a cell, on average: nearly every cell is hit.
+const POINTS_PER_CELL: f64 = 2.0;
+
+/// A town of `points` in memory, in the cells that `options` name. It is as large as `points` fill cells of `cell`, and
+/// its border is one of sections of cells of `widest`, so that it repeats without a gap.
+pub fn town(
+    seed: u64,
+    points: u64,
+    [cell, widest]: [f64; 2],
+    options: &LoadOptions,
+    problems: &mut Problems,
+) -> Result<Loaded, LoadError> {
+    let section = f64::from(SECTION_SIDE) * widest;
+    let sections = ((points as f64 / POINTS_PER_CELL).sqrt() * cell / section).ceil().max(1.0);
+    let side = sections * section;
+    let corner = synth::ORIGIN.map(|o| ((o - side / 2.0) / section).round() * section - o);
+    let tiles = synth::square(corner, side, points);
+    load::tiles_of(&synth::Town::new(seed), &tiles, options, problems)
+}
+
 impl World {
+    /// What the harness draws of what was loaded: every class, in the colours that the data has.
+    pub fn of(loaded: Loaded) -> Result<World, AttributeError> {
+        let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, &loaded.grid, None, None)?;
+        let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
+        Ok(World::new(loaded, seen, colors))
+    }
+
     /// From what was loaded, with `colors` and under `visibility`. Strays beyond the bounds are left out.
     pub fn new(loaded: Loaded, visibility: Visibility, colors: ColorTable) -> World {
         let Loaded { grid, sections, about, .. } = loaded;

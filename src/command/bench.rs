@@ -4,26 +4,24 @@ use super::placement::PlacementArgs;
 use super::render::{bytes, positive, size, usage_of_load};
 use super::synth::count;
 use super::{Outcome, UsageError, check_targets};
-use crate::attribute::{ClassMask, ColorTable};
-use crate::bench::frames::{self, Options, PoolRun, Stopped, ThesisRun};
+use crate::bench::frames::{self, Options, PoolRun, ThesisRun, Traced};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::load as loading;
 use crate::bench::report::{Pipeline, Report, Row, ScalingRow, Skipped, Stat};
+use crate::bench::steady::Repeats;
 use crate::bench::stream;
-use crate::bench::thesis::{Config, Thesis};
-use crate::bench::world::World;
+use crate::bench::thesis::{Config, STRIPS, Thesis};
+use crate::bench::world::{self, TOWN_POINTS, World};
 use crate::bench::{self, FrameTimes, plot};
-use crate::coords::SECTION_SIDE;
-use crate::gpu::{Gpu, GpuError, GpuOptions};
+use crate::gpu::{DeviceKind, Gpu, GpuError, GpuOptions};
 use crate::load::{self, LoadOptions};
 use crate::output::{Protected, Target, print};
 use crate::problems::Problems;
-use crate::render::frame::{FrameError, Shade, check_size};
+use crate::render::frame::{Shade, check_size};
 use crate::render::path::{CameraPath, PathKind};
 use crate::source::inputs::{self, Inputs};
 use crate::source::placement::Fit;
 use crate::stream::bins::Budget;
-use crate::stream::scene::Visibility;
 use crate::synth;
 use anyhow::Context;
 use serde_json::json;
@@ -34,10 +32,6 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 /// Share of pixels in which the pipelines' pictures may differ.
 const MOST_DIFFER: f64 = 1e-3;
-/// Points of the town that is flown over: 4096 × 4096 cells.
-const TOWN_POINTS: u64 = 1 << 25;
-/// Points of it in a cell, on average: nearly every cell is hit.
-const POINTS_PER_CELL: f64 = 2.0;
 /// Points of a file that is read.
 const INGEST_POINTS: u64 = 20_000_000;
 /// Points of a file that is loaded.
@@ -105,10 +99,10 @@ pub struct Args {
     /// Width and height in pixels [default: 640x360, with --peer alone 1920x1080]
     #[arg(long, value_parser = size, help_heading = "Frames", value_name = "WxH")]
     size: Option<[u32; 2]>,
-    /// Pixels a workgroup of the thesis' pipeline covers: an upright strip; on a CPU driver, which runs eight
-    /// pixels of a row at once, 1x64 is 3 to 4 times slower
-    #[arg(long, default_value = "8x32", value_parser = size, help_heading = "Frames", value_name = "WxH")]
-    strip: [u32; 2],
+    /// Pixels a workgroup of the thesis' pipeline covers: an upright strip [default: the fastest of 1x64, 8x32 and 8x8,
+    /// by a short run]
+    #[arg(long, value_parser = size, help_heading = "Frames", value_name = "WxH")]
+    strip: Option<[u32; 2]>,
 
     /// Light
     #[arg(long, value_enum, default_value = "lit", requires = "stream", help_heading = "Streaming")]
@@ -244,7 +238,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let size = args.size.unwrap_or(SIZE);
     check_size(&gpu, size).map_err(|e| usage(&e))?;
     let most = gpu.limits().workgroup_size;
-    if args.strip[0].saturating_mul(args.strip[1]) > most {
+    if args.strip.is_some_and(|[x, y]| x.saturating_mul(y) > most) {
         return Err(usage(&format!("--strip: the device's workgroups have at most {most} invocations")));
     }
     let stop = || {
@@ -335,18 +329,6 @@ fn load_options(args: &Args) -> LoadOptions {
     }
 }
 
-/// A town whose border is one of sections of cells of `widest`, so that it repeats without a gap.
-fn town(args: &Args, cell: f64, widest: f64, problems: &mut Problems) -> anyhow::Result<load::Loaded> {
-    let points = args.points.unwrap_or(TOWN_POINTS);
-    let section = f64::from(SECTION_SIDE) * widest;
-    let sections = ((points as f64 / POINTS_PER_CELL).sqrt() * args.cell / section).ceil().max(1.0);
-    let side = sections * section;
-    let corner = synth::ORIGIN.map(|o| ((o - side / 2.0) / section).round() * section - o);
-    let tiles = synth::square(corner, side, points);
-    let options = LoadOptions { cell: Some(cell), ..load_options(args) };
-    load::tiles_of(&synth::Town::new(args.seed), &tiles, &options, problems).map_err(usage_of_load)
-}
-
 /// What the inputs hold, or a town, in cells of `cell`.
 fn world(
     args: &Args,
@@ -354,28 +336,17 @@ fn world(
     [cell, widest]: [f64; 2],
     problems: &mut Problems,
 ) -> anyhow::Result<(World, Fit)> {
+    let options = LoadOptions { cell: Some(cell), ..load_options(args) };
     let loaded = if args.inputs.is_empty() {
-        town(args, cell, widest, problems)
+        let points = args.points.unwrap_or(TOWN_POINTS);
+        world::town(args.seed, points, [args.cell, widest], &options, problems)
     } else {
-        let options = LoadOptions { cell: Some(cell), ..load_options(args) };
-        load::paths(&found.files, &options, problems).map_err(usage_of_load)
+        load::paths(&found.files, &options, problems)
     };
     let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
-    let loaded = loaded?;
+    let loaded = loaded.map_err(usage_of_load)?;
     let base = loaded.about.base;
-    let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, &loaded.grid, None, None)?;
-    let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
-    Ok((World::new(loaded, seen, colors), base))
-}
-
-/// Whether `error` says that the device is too small, and nothing worse.
-fn too_large(error: &anyhow::Error) -> bool {
-    let gpu = match error.downcast_ref() {
-        Some(FrameError::Gpu(gpu)) => Some(gpu),
-        Some(_) => return false,
-        None => error.downcast_ref::<GpuError>(),
-    };
-    !error.is::<Stopped>() && gpu.is_none_or(|gpu| matches!(gpu, GpuError::Memory { .. }))
+    Ok((World::of(loaded)?, base))
 }
 
 /// What is run, and where it is written down.
@@ -429,8 +400,12 @@ impl Harness<'_> {
             let stage = frames::stage(&world, config);
             let built_in = kinds.iter().map(|kind| kind.path(&stage, args.seed));
             let paths = built_in.collect::<Result<Vec<_>, _>>()?;
+            let paths: Vec<_> = paths.iter().chain(&files).collect();
+            if let (Some(thesis), Some(path)) = (&mut thesis, paths.first()) {
+                self.choose_strip(&world, config, path, thesis)?;
+            }
             let mut pool_fits = true;
-            for path in paths.iter().chain(&files) {
+            for path in paths {
                 self.fly(&world, config, path, &mut thesis, &mut pool_fits)?;
             }
         }
@@ -444,11 +419,11 @@ impl Harness<'_> {
         let need = Thesis::host_bytes(config) + 2 * config.bytes();
         let reason = match bench::free_bytes() {
             Some(free) if need > free => format!("it needs {need} bytes of host memory, {free} are free"),
-            _ => match Thesis::new(self.gpu, config, self.size, self.args.strip) {
+            _ => match Thesis::new(self.gpu, config, self.size, self.args.strip.unwrap_or(STRIPS[0])) {
                 Ok(thesis) => return Ok(Some(thesis)),
                 Err(error) => {
                     let error = anyhow::Error::from(error);
-                    if !too_large(&error) {
+                    if !bench::is_too_large(&error) {
                         return Err(error);
                     }
                     error.to_string()
@@ -458,6 +433,26 @@ impl Harness<'_> {
         self.say(format_args!("{grid}/{levels} thesis: not run: {reason}"));
         self.report.skipped.push(Skipped { grid, levels, pipeline: Pipeline::Thesis, reason });
         Ok(None)
+    }
+
+    /// Without `--strip`: the fastest one.
+    fn choose_strip(
+        &self,
+        world: &World,
+        config: Config,
+        path: &CameraPath,
+        thesis: &mut Thesis,
+    ) -> anyhow::Result<()> {
+        if self.args.strip.is_some() {
+            return Ok(());
+        }
+        let most = self.gpu.limits().workgroup_size;
+        let strips: Vec<_> = STRIPS.into_iter().filter(|[x, y]| x * y <= most).collect();
+        let best = frames::best_strip(self.gpu, world, config, path, thesis, self.size, &strips)?;
+        if let Some([x, y]) = best {
+            self.say(format_args!("{}/{} thesis: strips of {x}x{y}", config.grid, config.levels));
+        }
+        Ok(())
     }
 
     /// One path under one configuration.
@@ -473,31 +468,29 @@ impl Harness<'_> {
         let Config { grid, levels } = config;
         let name = path.name().unwrap_or("path");
         let frames = args.frames.unwrap_or(path.frames()).min(path.frames());
-        let options = Options { size: self.size, frames, stop: &STOP };
+        let options = Options { size: self.size, frames, rounds: frames::ROUNDS, stop: &STOP };
         let rays = u64::from(self.size[0]) * u64::from(self.size[1]);
-        let mut pictures = Vec::new();
+        let strip = thesis.as_ref().map(Thesis::strip);
+        let flight = frames::run(self.gpu, world, config, path, *pool_fits, thesis.as_mut(), &options)?;
         let mut rows = Vec::new();
-        if *pool_fits {
-            match frames::run_pool(self.gpu, world, config, path, &options) {
-                Ok(run) => {
-                    rows.push(pool_row(&run, config, name, rays));
-                    pictures = run.pictures;
-                }
-                Err(error) if too_large(&error) => {
-                    let reason = format!("{name}: {error}");
-                    self.say(format_args!("{grid}/{levels} pool: not run: {reason}"));
-                    self.report.skipped.push(Skipped { grid, levels, pipeline: Pipeline::Pool, reason });
-                    *pool_fits = false;
-                }
-                Err(error) => return Err(error),
+        let mut differ = None;
+        if let Some(run) = flight.thesis {
+            differ = run.differ;
+            rows.push(Row { strip, ..thesis_row(&run, config, name, rays) });
+        }
+        match flight.pool {
+            Some(Ok(run)) => rows.push(Row { differ, ..pool_row(&run, config, name, rays) }),
+            Some(Err(error)) if bench::is_too_large(&error) => {
+                let reason = format!("{name}: {error}");
+                self.say(format_args!("{grid}/{levels} pool: not run: {reason}"));
+                self.report.skipped.push(Skipped { grid, levels, pipeline: Pipeline::Pool, reason });
+                *pool_fits = false;
             }
+            Some(Err(error)) => return Err(error),
+            None => {}
         }
-        if let Some(thesis) = thesis {
-            let run = frames::run_thesis(world, config, path, thesis, &options, &pictures)?;
-            rows.insert(0, thesis_row(&run, config, name, rays));
-            rows.iter_mut()
-                .for_each(|row| row.differ = run.differ.filter(|_| row.pipeline == Pipeline::Pool));
-        }
+        let clock_wanders = self.gpu.info().kind != DeviceKind::Cpu;
+        rows.iter_mut().for_each(|row| row.clock_wanders = clock_wanders);
         for row in &rows {
             let [prepare, copy, trace, ..] = row.means().map(|v| v.unwrap_or(f64::NAN));
             let who = row.pipeline.name();
@@ -608,7 +601,8 @@ impl Harness<'_> {
         let coarse = Config { levels: fine.levels - 1, ..fine };
         let kinds = if args.paths.is_empty() { &SCALING_PATHS[..] } else { &args.paths };
         let frames = args.frames.unwrap_or(SCALING_FRAMES);
-        let options = Options { size: self.size, frames: frames.div_ceil(SCALING_ROUNDS), stop: &STOP };
+        let frames = frames.div_ceil(SCALING_ROUNDS);
+        let options = Options { size: self.size, frames, rounds: 1, stop: &STOP };
         let mut sides = Vec::new();
         for (config, cell) in [(coarse, 2.0 * args.cell), (fine, args.cell)] {
             let (world, _) = self.world(cell, 2.0 * args.cell)?;
@@ -617,6 +611,11 @@ impl Harness<'_> {
         let stage = frames::stage(&sides[0].0, coarse);
         let paths: Vec<_> =
             kinds.iter().map(|kind| kind.path(&stage, args.seed)).collect::<Result<_, _>>()?;
+        for (world, config, thesis) in &mut sides {
+            if let (Some(thesis), Some(path)) = (thesis, paths.first()) {
+                self.choose_strip(world, *config, path, thesis)?;
+            }
+        }
         // [thesis, pool] of each path, coarse and fine.
         let mut times = vec![[const { [const { Vec::new() }; 2] }; 2]; paths.len()];
         // In turn, so that what else the machine does is the same for both.
@@ -628,11 +627,14 @@ impl Harness<'_> {
                 ));
                 // A short film: what streams in meanwhile is not asked for.
                 for (step, (world, config, thesis)) in sides.iter_mut().enumerate() {
-                    let run = frames::run_pool(self.gpu, world, *config, path, &options)?;
-                    times[1][step].extend(run.drawn.iter().map(|t| t.trace_ms));
-                    if let Some(thesis) = thesis {
-                        let run = frames::run_thesis(world, *config, path, thesis, &options, &[])?;
-                        times[0][step].extend(run.drawn.iter().map(|t| t.trace_ms));
+                    let flight =
+                        frames::run(self.gpu, world, *config, path, true, thesis.as_mut(), &options)?;
+                    if let Some(pool) = flight.pool {
+                        let pool = pool?;
+                        times[1][step].extend(trace_ms(&pool.traced, &pool.drawn));
+                    }
+                    if let Some(thesis) = flight.thesis {
+                        times[0][step].extend(trace_ms(&thesis.traced, &thesis.drawn));
                     }
                 }
             }
@@ -744,21 +746,37 @@ fn stat(times: &[FrameTimes], of: impl Fn(&FrameTimes) -> f64) -> Option<Stat> {
     Stat::of(times.iter().map(|t| of(t) + 0.0).collect())
 }
 
-/// What both pipelines have: streaming over `streamed` frames, tracing over `drawn` ones.
+/// Device times of pictures, ms: at steady clocks, or, where the device has none, as they were drawn.
+fn trace_ms(traced: &Traced, drawn: &[FrameTimes]) -> Vec<f64> {
+    if traced.all.is_empty() {
+        return drawn.iter().map(|t| t.trace_ms).collect();
+    }
+    Traced::medians(&traced.all)
+}
+
+/// What both pipelines have: streaming over `streamed` frames, others over `drawn` ones, tracing over `traced` ones.
 fn row(
     pipeline: Pipeline,
     config: Config,
     path: &str,
     rays: u64,
     [streamed, drawn]: [&[FrameTimes]; 2],
+    traced: &Traced,
 ) -> Row {
+    let repeats = Repeats::sum(&traced.all);
+    let passes = traced.passes.iter();
+    let passes = passes.filter_map(|(name, f)| Some(((*name).to_owned(), Stat::of(Traced::medians(f))?)));
     Row {
+        passes_ms: passes.collect(),
+        spread: repeats.spread(),
+        steady: repeats.is_steady(),
+        repeats,
         frames: drawn.len() as u32,
         rays,
         prepare_ms: stat(streamed, |t| t.prepare_ms),
         copy_ms: stat(streamed, |t| t.copy_ms),
         copy_bytes: stat(streamed, |t| t.copy_bytes as f64),
-        trace_ms: stat(drawn, |t| t.trace_ms),
+        trace_ms: Stat::of(trace_ms(traced, drawn)),
         trace_wall_ms: stat(drawn, |t| t.trace_wall_ms),
         total_ms: stat(drawn, |t| t.total_ms),
         ..Row::new(pipeline, config.grid, config.levels, path)
@@ -766,12 +784,12 @@ fn row(
 }
 
 fn thesis_row(run: &ThesisRun, config: Config, path: &str, rays: u64) -> Row {
-    row(Pipeline::Thesis, config, path, rays, [&run.drawn; 2])
+    row(Pipeline::Thesis, config, path, rays, [&run.drawn; 2], &run.traced)
 }
 
 /// Streaming over every frame, tracing over those that were drawn.
 fn pool_row(run: &PoolRun, config: Config, path: &str, rays: u64) -> Row {
-    let both = row(Pipeline::Pool, config, path, rays, [&run.stream, &run.drawn]);
+    let both = row(Pipeline::Pool, config, path, rays, [&run.stream, &run.drawn], &run.traced);
     let steps = run.steps_per_ray();
     Row {
         table_ms: stat(&run.drawn, |t| t.table_ms),

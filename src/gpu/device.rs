@@ -26,6 +26,9 @@ pub struct GpuOptions {
     pub validate: bool,
     /// Further layers by name, enabled after (that is: below) validation.
     pub layers: Vec<String>,
+    /// Lets the driver's compiler say what it made of programs, where it can: see
+    /// [`super::ComputePipeline::statistics`].
+    pub statistics: bool,
 }
 
 /// What sort of processor a device is; the first is preferred.
@@ -145,6 +148,8 @@ pub(super) struct Inner {
     /// Held around every queue call: Vulkan wants queues used by one thread at a time.
     pub submitting: Mutex<()>,
     pub has_host_query_reset: bool,
+    /// Asked for, and there.
+    pub statistics: Option<khr::pipeline_executable_properties::Device>,
     names: Option<ext::debug_utils::Device>,
     info: DeviceInfo,
     limits: Limits,
@@ -217,13 +222,14 @@ impl Gpu {
             let DeviceInfo { index, name, missing, .. } = info;
             return Err(GpuError::Unsuitable { index, name, missing: missing.join(", ") });
         }
-        Gpu::open(instance, physical, info, |family| presents(physical, family))
+        Gpu::open(instance, physical, info, options.statistics, |family| presents(physical, family))
     }
 
     fn open(
         instance: Instance,
         physical: vk::PhysicalDevice,
         mut info: DeviceInfo,
+        statistics: bool,
         presents: impl Fn(u32) -> Option<bool>,
     ) -> Result<Gpu> {
         let vk_instance = &instance.handle;
@@ -265,6 +271,15 @@ impl Gpu {
             enabled.push(khr::swapchain::NAME.as_ptr());
         }
         let offered = Features::of(vk_instance, physical);
+        let name = khr::pipeline_executable_properties::NAME;
+        let statistics = statistics
+            && offered.pipeline_executable_info
+            && extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let mut with_statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+            .pipeline_executable_info(true);
+        if statistics {
+            enabled.push(name.as_ptr());
+        }
         let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
             .timeline_semaphore(true)
             .buffer_device_address(true)
@@ -274,11 +289,14 @@ impl Gpu {
             .synchronization2(true)
             .maintenance4(true)
             .dynamic_rendering(for_window);
-        let create = vk::DeviceCreateInfo::default()
+        let mut create = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_extension_names(&enabled)
             .push_next(&mut features12)
             .push_next(&mut features13);
+        if statistics {
+            create = create.push_next(&mut with_statistics);
+        }
         // SAFETY: every pointer in `create` is alive in this scope; the instance outlives the device
         // because `Inner` destroys the device first.
         let device = unsafe { vk_instance.create_device(physical, &create, None) }
@@ -291,6 +309,8 @@ impl Gpu {
                     .map(|(family, index)| Queue { handle: device.get_device_queue(family, index), family }),
             )
         };
+        let statistics =
+            statistics.then(|| khr::pipeline_executable_properties::Device::new(vk_instance, &device));
         let names = instance.has_debug_utils.then(|| ext::debug_utils::Device::new(vk_instance, &device));
         let allocator = Allocator::new(&AllocatorCreateDesc {
             instance: vk_instance.clone(),
@@ -335,6 +355,7 @@ impl Gpu {
             physical,
             submitting: Mutex::new(()),
             has_host_query_reset: offered.host_query_reset,
+            statistics,
             names,
             info,
             limits,
@@ -360,6 +381,11 @@ impl Gpu {
     /// Whether copies have a queue of their own.
     pub fn has_transfer_queue(&self) -> bool {
         self.0.transfer.is_some()
+    }
+
+    /// Whether programs can be asked for [`super::ComputePipeline::statistics`].
+    pub fn has_statistics(&self) -> bool {
+        self.0.statistics.is_some()
     }
 
     /// Bytes that buffers hold now, host-visible ones included.
@@ -479,6 +505,7 @@ impl QueuePlan {
 
 struct Features {
     host_query_reset: bool,
+    pipeline_executable_info: bool,
     missing: Vec<&'static str>,
 }
 
@@ -487,12 +514,21 @@ impl Features {
         // SAFETY: `physical` was enumerated from `instance`.
         let version = unsafe { instance.get_physical_device_properties(physical) }.api_version;
         if version < vk::API_VERSION_1_3 {
-            return Features { host_query_reset: false, missing: vec!["Vulkan 1.3"] };
+            return Features {
+                host_query_reset: false,
+                pipeline_executable_info: false,
+                missing: vec!["Vulkan 1.3"],
+            };
         }
         let mut f12 = vk::PhysicalDeviceVulkan12Features::default();
         let mut f13 = vk::PhysicalDeviceVulkan13Features::default();
-        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut f12).push_next(&mut f13);
-        // SAFETY: a 1.3 device knows both structs, which are alive in this scope.
+        // Of an extension: drivers without it leave the struct as it is.
+        let mut executables = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default()
+            .push_next(&mut f12)
+            .push_next(&mut f13)
+            .push_next(&mut executables);
+        // SAFETY: a 1.3 device knows the first two structs; all are alive in this scope.
         unsafe { instance.get_physical_device_features2(physical, &mut features) };
         let wanted = [
             (f12.timeline_semaphore, "timelineSemaphore"),
@@ -502,7 +538,11 @@ impl Features {
             (f13.maintenance4, "maintenance4"),
         ];
         let missing = wanted.into_iter().filter(|(has, _)| *has == vk::FALSE).map(|(_, name)| name).collect();
-        Features { host_query_reset: f12.host_query_reset == vk::TRUE, missing }
+        Features {
+            host_query_reset: f12.host_query_reset == vk::TRUE,
+            pipeline_executable_info: executables.pipeline_executable_info == vk::TRUE,
+            missing,
+        }
     }
 }
 

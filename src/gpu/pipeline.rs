@@ -38,6 +38,17 @@ impl Recipe {
     }
 }
 
+/// What the driver's compiler made of a program, in its own words: registers, instructions, ...
+#[derive(Clone, Debug, PartialEq)]
+pub struct Executable {
+    /// The driver's name for it.
+    pub name: String,
+    /// Lanes that run together.
+    pub subgroup_size: u32,
+    /// Name and value of each statistic.
+    pub statistics: Vec<(String, f64)>,
+}
+
 /// What tells programs of a device apart; of the words it is enough where they are.
 #[derive(PartialEq, Eq, Hash)]
 pub(super) struct Kind {
@@ -176,6 +187,46 @@ impl ComputePipeline {
         Ok(Binding(Arc::new(set)))
     }
 
+    /// What the driver's compiler says of the program; nothing where the device was not opened with
+    /// [`super::GpuOptions::statistics`], or cannot tell.
+    pub fn statistics(&self) -> Result<Vec<Executable>> {
+        let program = &self.0;
+        let Some(device) = &program.gpu.0.statistics else { return Ok(Vec::new()) };
+        let failed = |call: &str, e| GpuError::vulkan(format!("{call} of {}", program.name), e);
+        let text = |s: std::result::Result<&std::ffi::CStr, _>| {
+            s.map_or(String::new(), |s: &std::ffi::CStr| s.to_string_lossy().into_owned())
+        };
+        let info = vk::PipelineInfoKHR::default().pipeline(program.handle);
+        // SAFETY: the pipeline is alive: `self` holds it; the extension is on.
+        let executables = unsafe { device.get_pipeline_executable_properties(&info) }
+            .map_err(|e| failed("vkGetPipelineExecutablePropertiesKHR", e))?;
+        (0u32..)
+            .zip(&executables)
+            .map(|(index, executable)| {
+                let info =
+                    vk::PipelineExecutableInfoKHR::default().pipeline(program.handle).executable_index(index);
+                // SAFETY: as above; the pipeline was made with CAPTURE_STATISTICS.
+                let all = unsafe { device.get_pipeline_executable_statistics(&info) }
+                    .map_err(|e| failed("vkGetPipelineExecutableStatisticsKHR", e))?;
+                use vk::PipelineExecutableStatisticFormatKHR as Format;
+                // SAFETY: the driver says which member of the union it has written.
+                let value = |s: &vk::PipelineExecutableStatisticKHR| unsafe {
+                    match s.format {
+                        Format::BOOL32 => f64::from(s.value.b32),
+                        Format::INT64 => s.value.i64 as f64,
+                        Format::UINT64 => s.value.u64 as f64,
+                        _ => s.value.f64,
+                    }
+                };
+                Ok(Executable {
+                    name: text(executable.name_as_c_str()),
+                    subgroup_size: executable.subgroup_size,
+                    statistics: all.iter().map(|s| (text(s.name_as_c_str()), value(s))).collect(),
+                })
+            })
+            .collect()
+    }
+
     pub(super) fn handle(&self) -> vk::Pipeline {
         self.0.handle
     }
@@ -258,7 +309,12 @@ impl Program {
             .module(module)
             .name(c"main")
             .specialization_info(&specialisation);
-        let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(program.layout)];
+        let flags = match gpu.0.statistics {
+            Some(_) => vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR,
+            None => vk::PipelineCreateFlags::empty(),
+        };
+        let create =
+            [vk::ComputePipelineCreateInfo::default().flags(flags).stage(stage).layout(program.layout)];
         // SAFETY: module and layout are alive until the call returns; afterwards the module is not used.
         let made = unsafe {
             let made = device.create_compute_pipelines(gpu.0.pipeline_cache, &create, None);

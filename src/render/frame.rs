@@ -350,7 +350,11 @@ fn distance_and_height(
 
 impl Push {
     /// One sample of every pixel of `rows` rows from `first_row` on, under `constants`.
-    fn new(constants: &FrameConstants, [sample, samples]: [u32; 2], [first_row, rows]: [u32; 2]) -> Push {
+    pub(crate) fn new(
+        constants: &FrameConstants,
+        [sample, samples]: [u32; 2],
+        [first_row, rows]: [u32; 2],
+    ) -> Push {
         let sample_at = sample_at(sample, samples);
         let [origin, right, down] = [
             joined(constants.origin_int, constants.origin_fraction),
@@ -421,6 +425,80 @@ macro_rules! variants {
     };
 }
 
+/// How often the passes of a frame run, for measurements: a device's clock rises while it works.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Repeats {
+    /// Runs before those that are timed; together they are a stage of the clock, `"before"`, if there are any.
+    pub before: u32,
+    /// Runs whose passes are stages of the clock, one run after the other.
+    pub timed: u32,
+}
+
+impl Repeats {
+    /// As frames run.
+    pub const ONCE: Repeats = Repeats { before: 0, timed: 1 };
+
+    /// Stages that a clock of `passes` passes must have room for.
+    pub const fn stages(self, passes: u32) -> u32 {
+        (self.before > 0) as u32 + self.timed * passes
+    }
+}
+
+/// A pass whose threads write down what they do: see `shaders/log.glsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Logged {
+    /// The wide beams; the passes after it do not run.
+    WideBeams,
+    /// The beams; the passes after it do not run.
+    Beams,
+    /// Trace and exact colours, or the plain traversal.
+    Trace,
+}
+
+/// How the passes of a picture are cut into groups and ordered; pictures do not depend on it. The default is what the
+/// program draws with, others are for benchmarks.
+///
+/// Widths are multiples of 8: with groups of 12 × 6, lavapipe (Mesa 22.3) drew other pictures by address, though not by
+/// texels; why is not known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PassOptions {
+    /// Pixels that a workgroup of trace and shade covers.
+    pub group: [u32; 2],
+    /// Tiles that a workgroup of the beams covers.
+    pub beam_group: [u32; 2],
+    /// Rows of groups are dealt out, the even ones first; otherwise groups have their own order.
+    pub dealt: bool,
+    /// Rays start behind beams, not at the eye.
+    pub beams: bool,
+    /// Set: [`Renderer::log`] is what the renderer is for.
+    pub logged: Option<Logged>,
+}
+
+impl Default for PassOptions {
+    fn default() -> PassOptions {
+        PassOptions { group: GROUP, beam_group: [GROUP[0], 1], dealt: true, beams: true, logged: None }
+    }
+}
+
+impl PassOptions {
+    /// The programs of a picture's passes, in their order.
+    pub fn recipes(self, access: Access, traversal: Traversal, shade: Shade) -> Vec<Recipe> {
+        let [wide_beams, beams, trace, shading] = passes(access, self);
+        let mut recipes = match traversal {
+            Traversal::Fast if self.beams => vec![wide_beams, beams],
+            _ => Vec::new(),
+        };
+        match (traversal, shade) {
+            (Traversal::Fast, Shade::None) => {
+                recipes.push(Exact { ramped: false, screen: true }.recipe(access, self));
+            }
+            (Traversal::Fast, Shade::Lit) => recipes.extend([trace, shading]),
+            (Traversal::Plain, _) => recipes.extend([plain(access, self), shading]),
+        }
+        recipes
+    }
+}
+
 static BEAM: Variants = variants!(UNIFORM, BEAM, BEAM_TEXELS, BEAM_SSBO);
 static TRACE: Variants = variants!(STORED, TRACE, TRACE_TEXELS, TRACE_SSBO);
 static EXACT: Variants = variants!(UNIFORM, EXACT, EXACT_TEXELS, EXACT_SSBO);
@@ -449,12 +527,18 @@ const WIDE_TILE: u32 = 64;
 const BYTES_PER_BEAM: u64 = 4;
 
 const BYTES_PER_PIXEL: u64 = 16;
+/// Words that a thread of a logged pass writes; `shaders/log.glsl` has the same.
+pub const LOG_WORDS: usize = 512;
+/// Where a step begins in a log; other words are lines that were loaded from.
+pub const LOG_STEP: u32 = u32::MAX;
+/// Of the logs of one submit.
+const LOG_BYTES: u64 = 128 << 20;
 /// Of the buffer of a section table: one that is made anew while sections arrive costs a frame, on lavapipe even a new
 /// translation of the passes that read it.
 const LEAST_TABLE_BYTES: u64 = 1 << 20;
 const FACE_TOP: u32 = 0;
 
-/// Pixels a workgroup covers; `dealt_pixel` of `shaders/frame.glsl` takes it that they are 8 × 8.
+/// Pixels a workgroup covers.
 const GROUP: [u32; 2] = [8, 8];
 
 /// Buffers that exist once for every frame in flight.
@@ -482,35 +566,63 @@ struct Exact {
     screen: bool,
 }
 
+/// Of the specialisation constants of `shaders/frame.glsl` and `shaders/trace.glsl`.
+const DEALT: u32 = 5;
+const BEAMED: u32 = 6;
+
 /// The passes that are there from the start: wide beams, beams, trace, shade.
-fn passes(access: Access) -> [Recipe; 4] {
-    let group = |[x, y]: [u32; 2]| vec![(0, x), (1, y)];
+fn passes(access: Access, options: PassOptions) -> [Recipe; 4] {
+    let shared = |[x, y]: [u32; 2]| vec![(0, x), (1, y), (DEALT, u32::from(options.dealt))];
     let beams = |name, side: u32, before: u32| {
         let sides = [(2, side), (3, before)];
-        BEAM.recipe(name, access, [group([GROUP[0], 1]), sides.to_vec()].concat())
+        BEAM.recipe(name, access, [shared(options.beam_group), sides.to_vec()].concat())
     };
+    let trace = [shared(options.group), vec![(BEAMED, u32::from(options.beams))]].concat();
+    let [mut wide_beams, mut beams] = [beams("wide beams", WIDE_TILE, 0), beams("beams", TILE, WIDE_TILE)];
+    match options.logged {
+        Some(Logged::WideBeams) => wide_beams.words = shaders::BEAM_LOGGED,
+        Some(Logged::Beams) => beams.words = shaders::BEAM_LOGGED,
+        Some(Logged::Trace) | None => {}
+    }
     [
-        beams("wide beams", WIDE_TILE, 0),
-        beams("beams", TILE, WIDE_TILE),
-        TRACE.recipe("trace", access, group(GROUP)),
-        SHADE.recipe("shade", access, group(GROUP)),
+        wide_beams,
+        beams,
+        TRACE.recipe("trace", access, trace),
+        SHADE.recipe("shade", access, shared(options.group)),
     ]
 }
 
 impl Exact {
-    fn recipe(self, access: Access) -> Recipe {
+    fn recipe(self, access: Access, options: PassOptions) -> Recipe {
         let Exact { ramped, screen } = self;
-        let flags = [(3, ramped), (4, screen)].map(|(id, on)| (id, u32::from(on)));
-        EXACT.recipe("exact", access, [[(0, GROUP[0]), (1, GROUP[1])], flags].concat())
+        let PassOptions { group, dealt, beams, .. } = options;
+        let flags = [(3, ramped), (4, screen), (DEALT, dealt), (BEAMED, beams)];
+        let flags = flags.map(|(id, on)| (id, u32::from(on)));
+        let mut recipe =
+            EXACT.recipe("exact", access, [&[(0, group[0]), (1, group[1])], &flags[..]].concat());
+        if options.logged == Some(Logged::Trace) {
+            recipe.words = shaders::EXACT_LOGGED;
+        }
+        recipe
     }
+}
+
+fn plain(access: Access, options: PassOptions) -> Recipe {
+    let [x, y] = options.group;
+    let mut recipe = PLAIN.recipe("plain", access, vec![(0, x), (1, y)]);
+    if options.logged == Some(Logged::Trace) {
+        recipe.words = shaders::PLAIN_LOGGED;
+    }
+    recipe
 }
 
 /// Programs of a window's pictures: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
 /// and pictures quick.
 #[cfg(feature = "view")]
 pub fn recipes(access: Access) -> [Vec<Recipe>; 2] {
-    let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.recipe(access));
-    [passes(access).into(), exact.into()]
+    let options = PassOptions::default();
+    let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.recipe(access, options));
+    [passes(access, options).into(), exact.into()]
 }
 
 /// Lets the columns of `scene` carry what `view` colours by. Before a frame begins: it may be work of its own.
@@ -533,6 +645,10 @@ pub struct Renderer {
     /// Trace and exact colours in one; made when first used.
     exact: HashMap<Exact, ComputePipeline>,
     access: Access,
+    options: PassOptions,
+    repeats: Repeats,
+    /// Of a logged pass: on the device, and for the host.
+    log: Option<[Buffer; 2]>,
     in_flight: Vec<Option<InFlight>>,
     target: Option<Target>,
     /// First row, rows and sample of the band whose beams the target holds.
@@ -621,8 +737,19 @@ pub(super) struct Band {
 impl Renderer {
     /// For scenes on `grid`, with heights counted from `anchor` on the device.
     pub fn new(scene: &Scene, grid: Grid, anchor: Height) -> Result<Renderer, GpuError> {
+        Renderer::with_options(scene, grid, anchor, PassOptions::default())
+    }
+
+    /// The same with other groups or orders.
+    pub fn with_options(
+        scene: &Scene,
+        grid: Grid,
+        anchor: Height,
+        options: PassOptions,
+    ) -> Result<Renderer, GpuError> {
         let access = scene.pool().access();
-        let [wide_beams, beams, trace, shade] = passes(access).map(|recipe| recipe.make(scene.gpu()));
+        let [wide_beams, beams, trace, shade] =
+            passes(access, options).map(|recipe| recipe.make(scene.gpu()));
         Ok(Renderer {
             wide_beams: wide_beams?,
             beams: beams?,
@@ -631,6 +758,9 @@ impl Renderer {
             shade: shade?,
             exact: HashMap::new(),
             access,
+            options,
+            repeats: Repeats::ONCE,
+            log: None,
             in_flight: Vec::new(),
             target: None,
             beamed: None,
@@ -707,20 +837,74 @@ impl Renderer {
         self.submit(scene, view, table, &rays, band, clock)
     }
 
+    /// How often the passes of the frames to come run.
+    pub fn repeat(&mut self, repeats: Repeats) {
+        self.repeats = repeats;
+    }
+
+    /// What the threads of the logged pass do for `view`, in bands from the top down: `each` is given how many threads
+    /// there are across, and of each thread, row by row, [`LOG_WORDS`] words. See `shaders/log.glsl`.
+    ///
+    /// # Panics
+    /// Without [`PassOptions::logged`], or where the pool is not reached by address.
+    pub fn log(
+        &mut self,
+        scene: &mut Scene,
+        view: &View,
+        mut each: impl FnMut(usize, &[u32]),
+    ) -> Result<(), FrameError> {
+        let logged = self.options.logged.expect("a logged pass");
+        assert_eq!(self.access, Access::Address, "lines are told by their addresses");
+        check_size(scene.gpu(), view.size)?;
+        let rays = Rays::of(view, &self.grid, self.anchor)?;
+        let table = self.table(scene);
+        let [width, height] = view.size;
+        let side = match logged {
+            Logged::WideBeams => WIDE_TILE,
+            Logged::Beams => TILE,
+            Logged::Trace => 1,
+        };
+        let threads = |rows: u32| u64::from(width.div_ceil(side)) * u64::from(rows.div_ceil(side));
+        let thread_bytes = 4 * LOG_WORDS as u64;
+        // Whole wide tiles, of which beams are made.
+        let most = (LOG_BYTES / (threads(WIDE_TILE) * thread_bytes)).max(1) as u32 * WIDE_TILE;
+        let rows = most.min(band_rows(view.size)).min(height);
+        let make = |name, kind| Buffer::new(scene.gpu(), name, kind, threads(rows) * thread_bytes);
+        self.log = Some([make("log", MemoryKind::Device)?, make("log read back", MemoryKind::Readback)?]);
+        let mut words = vec![0u32; (threads(rows) as usize) * LOG_WORDS];
+        for first_row in (0..height).step_by(rows as usize) {
+            let rows = rows.min(height - first_row);
+            let band =
+                Band { first_row, rows, sample: 0, samples: 1, read: false, screen: false, whole: false };
+            carry(scene, view)?;
+            let (mut commands, slot) = scene.order.begin_frame("log")?;
+            self.record(scene, (&mut commands, slot), view, &table, &rays, band, None)?;
+            let [log, back] = self.log.as_ref().expect("made above");
+            let size = threads(rows) * thread_bytes;
+            scene.order.readback(&mut commands, &[(log, back, BufferCopy { from: 0, to: 0, size })]);
+            let point = scene.order.submit(commands)?;
+            scene.drawn(point);
+            let words = &mut words[..size as usize / 4];
+            scene.order.read(point, back, 0, bytemuck::cast_slice_mut(words))?;
+            each(width.div_ceil(side) as usize, words);
+        }
+        self.log = None;
+        Ok(())
+    }
+
     /// The program for exact pictures that need so much.
     fn exact(&mut self, gpu: &Gpu, exact: Exact) -> Result<ComputePipeline, GpuError> {
         if let Some(program) = self.exact.get(&exact) {
             return Ok(program.clone());
         }
-        let program = exact.recipe(self.access).make(gpu)?;
+        let program = exact.recipe(self.access, self.options).make(gpu)?;
         self.exact.insert(exact, program.clone());
         Ok(program)
     }
 
     fn plain(&mut self, gpu: &Gpu) -> Result<ComputePipeline, GpuError> {
         if self.plain.is_none() {
-            let constants = vec![(0, GROUP[0]), (1, GROUP[1])];
-            self.plain = Some(PLAIN.recipe("plain", self.access, constants).make(gpu)?);
+            self.plain = Some(plain(self.access, self.options).make(gpu)?);
         }
         Ok(self.plain.clone().expect("just made"))
     }
@@ -864,14 +1048,16 @@ impl Renderer {
         buffers.ramp.write(0, bytemuck::cast_slice(view.colors.table.as_slice()));
         buffers.frame.write(0, bytemuck::bytes_of(&constants));
 
-        let tiles = |side: u32| [view.size[0].div_ceil(side).div_ceil(GROUP[0]), band.rows.div_ceil(side), 1];
-        let pixels = [view.size[0].div_ceil(GROUP[0]), band.rows.div_ceil(GROUP[1]), 1];
+        let groups = |[x, y]: [u32; 2], side: u32| {
+            [view.size[0].div_ceil(side).div_ceil(x), band.rows.div_ceil(side).div_ceil(y), 1]
+        };
+        let (tiles, pixels) = (|side| groups(self.options.beam_group, side), groups(self.options.group, 1));
         let mut passes = vec![];
         // A beam holds for every sample of its pixels.
         let is_next_sample =
             band.sample > 0 && self.beamed == Some((band.first_row, band.rows, band.sample - 1));
         self.beamed = Some((band.first_row, band.rows, band.sample));
-        if view.traversal == Traversal::Fast && !is_next_sample {
+        if view.traversal == Traversal::Fast && self.options.beams && !is_next_sample {
             passes.push(("wide beams", self.wide_beams.clone(), tiles(WIDE_TILE)));
             passes.push(("beams", self.beams.clone(), tiles(TILE)));
         }
@@ -885,6 +1071,15 @@ impl Renderer {
                 passes.push(("trace", trace, pixels));
                 passes.push(("shade", self.shade.clone(), pixels));
             }
+        }
+        if let Some(logged) = self.options.logged {
+            passes.truncate(match logged {
+                Logged::WideBeams => 1,
+                Logged::Beams => 2,
+                // Nor is the log coloured.
+                Logged::Trace => passes.len() - passes.iter().filter(|pass| pass.0 == "shade").count(),
+            });
+            commands.keep(self.log.as_ref().expect("Renderer::log made it")[0].clone());
         }
         let target = self.target.as_ref().expect("prepared");
         for buffer in [
@@ -919,19 +1114,29 @@ impl Renderer {
             }
         };
         let push = Push::new(&constants, [band.sample, band.samples], [band.first_row, band.rows]);
+        let passes = passes
+            .into_iter()
+            .map(|(name, program, groups)| Ok((name, bindings(&program)?, program, groups)))
+            .collect::<Result<Vec<_>, GpuError>>()?;
         if let Some(clock) = clock.as_mut() {
             clock.begin(commands);
         }
-        for (pass, (name, program, groups)) in passes.into_iter().enumerate() {
-            if pass > 0 {
-                scene.order.next_pass(commands);
+        let Repeats { before, timed } = self.repeats;
+        for run in 0..before + timed {
+            for (pass, (name, binding, program, groups)) in passes.iter().enumerate() {
+                if run > 0 || pass > 0 {
+                    scene.order.next_pass(commands);
+                }
+                commands.bind(program);
+                commands.push(bytemuck::bytes_of(&push));
+                commands.bind_buffers(binding);
+                commands.dispatch(*groups);
+                if let Some(clock) = clock.as_mut().filter(|_| run >= before) {
+                    clock.end(commands, name);
+                }
             }
-            commands.bind(&program);
-            commands.push(bytemuck::bytes_of(&push));
-            commands.bind_buffers(&bindings(&program)?);
-            commands.dispatch(groups);
-            if let Some(clock) = clock.as_mut() {
-                clock.end(commands, name);
+            if let Some(clock) = clock.as_mut().filter(|_| run + 1 == before) {
+                clock.end(commands, "before");
             }
         }
         self.in_flight[slot] = Some(buffers);
@@ -965,7 +1170,7 @@ impl Renderer {
         FrameConstants {
             table: place(&buffers.table),
             hits: from(&target.hits),
-            colors: from(&target.colors),
+            colors: self.log.as_ref().map_or_else(|| from(&target.colors), |[log, _]| place(log)),
             ramp: place(&buffers.ramp),
             beams: place(&target.beams),
             wide_beams: place(&target.wide_beams),

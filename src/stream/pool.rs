@@ -6,8 +6,6 @@ use offset_allocator::{Allocation, Allocator, ext::min_allocator_size};
 
 /// Bytes of a page: small enough for devices that cap a storage buffer at 128 MiB.
 const PAGE_BYTES: u64 = 64 << 20;
-/// The only page of a pool that is reached through a storage buffer.
-const SINGLE_PAGE_BYTES: u64 = 128 << 20;
 /// Payloads start at multiples of this, of cache lines above all. The allocator's classes of sizes being what they are, a
 /// derived part of 16-bit codes takes 1 % more than it needs; with 256 it would be 10 %.
 const ALIGN: u64 = 192;
@@ -19,7 +17,8 @@ pub enum Access {
     Address,
     /// By device address, and as texels where frames read it: derived parts have one page.
     Texels,
-    /// Through one storage buffer, which synchronization validation sees: one page of 128 MiB.
+    /// Through one storage buffer, which synchronization validation sees: one page, as large as the device lets such a
+    /// buffer be (128 MiB are usual).
     StorageBuffer,
 }
 
@@ -157,7 +156,7 @@ impl Pool {
             Access::Texels if texels => texel_bytes(&self.gpu) / ALIGN * ALIGN,
             Access::Texels => PAGE_BYTES.max(bytes),
             Access::Address => PAGE_BYTES.max(bytes).min(left),
-            Access::StorageBuffer => SINGLE_PAGE_BYTES.max(bytes).min(left),
+            Access::StorageBuffer => (self.gpu.limits().storage_buffer_range / ALIGN * ALIGN).min(left),
         };
         let only = texels || self.access == Access::StorageBuffer;
         if only && self.pages.iter().flatten().any(|page| page.texels == texels)

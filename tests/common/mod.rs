@@ -71,6 +71,7 @@ impl Setup {
             device: None,
             validate: true,
             layers: layers.into_iter().collect(),
+            ..Default::default()
         })
     }
 }

@@ -17,9 +17,10 @@ mod story;
 
 use common::{LAVAPIPE, ORDERS, SWIFTSHADER, Setup};
 use lasray::attribute::{ClassMask, ColorMode, ColorTable};
-use lasray::gpu::{Edge, Gpu};
+use lasray::bench::log::Counts;
+use lasray::gpu::{Edge, Gpu, QueueKind, Timestamps};
 use lasray::render::camera::{Bounds, Camera, Projection};
-use lasray::render::frame::{Traversal, View};
+use lasray::render::frame::{Logged, PASSES, PassOptions, Renderer, Repeats, Traversal, View};
 use lasray::render::image::Image;
 use lasray::stream::pool::Access;
 use lasray::stream::scene::{Scene, Visibility};
@@ -98,6 +99,93 @@ fn both_ways_into_the_pool_give_the_same_pictures() {
             let by_texels = pictures(&gpu, &data, Access::Texels, traversal);
             assert!(by_address == by_texels, "{traversal:?}");
         }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn pictures_do_not_depend_on_how_passes_are_cut() {
+    common::run("pictures_do_not_depend_on_how_passes_are_cut", LAVAPIPE, |setup| {
+        let (gpu, data) = (setup.gpu(), town());
+        let base = PassOptions::default();
+        let groups = [[8, 4], [32, 1], [16, 16]].map(|group| PassOptions { group, ..base });
+        let beams = PassOptions { beam_group: [8, 8], dealt: false, ..base };
+        // Groups hang over the edges.
+        let size = [SIZE[0] - 3, SIZE[1] - 3];
+        let camera = &cameras(&data.bounds)[0];
+        for access in [Access::Address, Access::Texels] {
+            let mut scene = data.scene(&gpu, access, MEASURED());
+            let mut draw = |options, view: &View| {
+                let renderer = Renderer::with_options(&scene, data.grid, data.anchor, options);
+                renderer.unwrap().draw(&mut scene, view).unwrap()
+            };
+            for view in [data.exact(camera, size), View { samples: 1, ..data.lit(camera, size) }] {
+                for traversal in [Traversal::Fast, Traversal::Plain] {
+                    let view = View { traversal, ..view.clone() };
+                    let usual = draw(base, &view);
+                    for options in groups.into_iter().chain([beams]) {
+                        let this = draw(options, &view);
+                        assert!(this == usual, "{access:?} {traversal:?} {:?} {options:?}", view.shade);
+                    }
+                }
+                let [from_the_eye, usual] =
+                    [false, true].map(|beams| draw(PassOptions { beams, ..base }, &view));
+                assert!(from_the_eye.steps > usual.steps);
+                assert_alike(&[from_the_eye], &[usual], "without beams");
+            }
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn passes_are_counted_and_repeated() {
+    common::run("passes_are_counted_and_repeated", LAVAPIPE, |setup| {
+        let (gpu, data) = (setup.gpu(), town());
+        let mut scene = data.scene(&gpu, Access::Address, MEASURED());
+        let camera = &cameras(&data.bounds)[0];
+        let view = data.exact(camera, SIZE);
+        let mut renderer = data.renderer(&scene);
+        let picture = renderer.draw(&mut scene, &view).unwrap();
+        let mut counts = |logged, traversal| {
+            let options = PassOptions { logged: Some(logged), ..PassOptions::default() };
+            let renderer = Renderer::with_options(&scene, data.grid, data.anchor, options);
+            let mut counts = Counts::default();
+            let add = |across: usize, words: &[u32]| counts.add(across, words);
+            renderer.unwrap().log(&mut scene, &View { traversal, ..view.clone() }, add).unwrap();
+            counts
+        };
+        // The log has the very steps that hit records tell, and a load or more for each.
+        let fast = counts(Logged::Trace, Traversal::Fast);
+        assert_eq!((fast.threads, fast.steps), (picture.class.len() as u64, picture.steps));
+        assert!((1.0..2.0).contains(&fast.loads_per_step()), "{fast:?}");
+        let [block, row] = fast.efficiency();
+        assert!(0.2 < row && row < block && block < 1.0, "{fast:?}");
+        assert!(fast.lines_per_step() > 1.0 && fast.lines <= fast.loads && fast.cut == 0, "{fast:?}");
+        let plain = counts(Logged::Trace, Traversal::Plain);
+        assert!(plain.threads == fast.threads && plain.steps > fast.steps, "{plain:?}");
+        for (logged, side) in [(Logged::Beams, 8), (Logged::WideBeams, 64)] {
+            let tiles = SIZE.map(|pixels| u64::from(pixels.div_ceil(side)));
+            let beams = counts(logged, Traversal::Fast);
+            assert_eq!(beams.threads, tiles[0] * tiles[1]);
+            assert!(beams.steps >= beams.threads && beams.loads > 0, "{beams:?}");
+        }
+        // Runs before are a stage of the clock, those that are timed have one for each pass.
+        let repeats = Repeats { before: 2, timed: 3 };
+        let clock = Timestamps::new(&gpu, "repeats", QueueKind::Compute, repeats.stages(PASSES)).unwrap();
+        let mut clock = clock.expect("the reference driver has timestamps");
+        let table = renderer.table(&scene);
+        for (repeats, names) in [
+            (repeats, [&["before"][..], &["wide beams", "beams", "trace"].repeat(3)].concat()),
+            (Repeats::ONCE, vec!["wide beams", "beams", "trace"]),
+        ] {
+            renderer.repeat(repeats);
+            let point = renderer.submit_frame(&mut scene, &view, &table, Some(&mut clock)).unwrap();
+            let stages = clock.resolve(&mut scene.order, point).unwrap();
+            assert_eq!(stages.iter().map(|stage| stage.0).collect::<Vec<_>>(), names);
+            assert!(stages.iter().all(|stage| stage.1 > 0.0), "{stages:?}");
+        }
+        assert!(renderer.draw(&mut scene, &view).unwrap() == picture);
         assert_eq!(gpu.messages(), [""; 0]);
     });
 }
