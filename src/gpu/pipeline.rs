@@ -214,7 +214,8 @@ impl ComputePipeline {
                     match s.format {
                         Format::BOOL32 => f64::from(s.value.b32),
                         Format::INT64 => s.value.i64 as f64,
-                        Format::UINT64 => s.value.u64 as f64,
+                        // None needs more than 32 bits, and a driver of NVIDIA's leaves others in the upper half.
+                        Format::UINT64 => f64::from(s.value.u64 as u32),
                         _ => s.value.f64,
                     }
                 };
