@@ -11,8 +11,9 @@ use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::Cache;
 use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions};
-use crate::source::{LidarFile, crs::Crs, crs::Unit};
+use crate::source::{LayerMemory, LidarFile, crs::Crs, crs::Unit};
 use crate::stream::bins::{Binner, Bins, Budget, Core, Meaning};
+use crate::stream::budget::layer_bytes;
 use crate::stream::builds::OpenInput;
 use crate::stream::workers::{Input, Progress, read_all};
 use crate::synth;
@@ -183,11 +184,16 @@ pub fn bar(total: u64, quiet: bool, template: &str) -> ProgressBar {
 /// Opens and reads `paths`. Problems are added even when this fails.
 pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
     let Opening { inputs, grid, core, about } = open(paths, options, problems)?;
-    let bins = Bins::new(grid, core, options.budget);
+    // Sections and decoders share the host's memory.
+    let layer_bytes = layer_bytes(options.budget.host_bytes);
+    let layers = LayerMemory::new(layer_bytes);
+    let host_bytes = options.budget.host_bytes - layer_bytes;
+    let bins = Bins::new(grid, core, Budget { host_bytes, ..options.budget });
     let total = inputs.iter().map(|i| i.input.file.points()).sum();
     let inputs: Vec<_> = inputs.into_iter().map(|i| i.input).collect();
     let progress = Progress::default();
-    let errors = watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &progress));
+    let errors =
+        watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &layers, &progress));
     errors.iter().for_each(|error| problems.error(error));
     finish(bins, about, progress.points.into_inner(), options, problems)
 }

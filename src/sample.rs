@@ -23,7 +23,7 @@ use crate::attribute::{AttributeSummary, Kinds, Spread};
 use crate::source::crs::{self, Crs, CrsError};
 use crate::source::known::{Known, Told};
 use crate::source::placement::{FileFacts, Placement, PlacementOptions, World};
-use crate::source::{Decoder, FLAG_WITHHELD, LidarFile, PointBlock, SourceError};
+use crate::source::{Decoder, FLAG_WITHHELD, LayerMemory, LidarFile, PointBlock, SourceError};
 use glam::DVec3;
 use places::Place;
 use std::path::{Path, PathBuf};
@@ -60,7 +60,7 @@ impl Default for Budget {
     }
 }
 
-/// Bytes a thread may hold for one layered chunk.
+/// Bytes that all threads together may hold for layered chunks.
 const DECODER_BYTES: u64 = 256 << 20;
 /// A file with RGB and fewer sampled points than this is read a little further.
 const RGB_POINTS: usize = 256;
@@ -522,10 +522,11 @@ pub(crate) fn parallel<T: Send>(count: usize, job: impl Fn(&mut Decoder, usize) 
     let threads = std::thread::available_parallelism().map_or(1, usize::from).min(count);
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<Option<T>>> = Mutex::new((0..count).map(|_| None).collect());
+    let layers = LayerMemory::new(DECODER_BYTES);
     std::thread::scope(|scope| {
         for _ in 0..threads {
             scope.spawn(|| {
-                let mut decoder = Decoder::new(DECODER_BYTES);
+                let mut decoder = Decoder::sharing(&layers);
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     if index >= count {

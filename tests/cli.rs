@@ -477,6 +477,18 @@ fn bad_files() -> Vec<Case> {
     cases
 }
 
+/// What was wrong with files is told even where there is no picture for another reason.
+#[test]
+fn broken_files_are_named_where_the_picture_fails() {
+    try_all(vec![Case::file_with(
+        "chunk.laz",
+        broken_chunk(),
+        &["--device-memory", "1KiB"],
+        1,
+        &["error: chunk.laz: chunk 2 at byte ", "the sections do not fit"],
+    )]);
+}
+
 #[test]
 fn each_bad_file_by_itself() {
     try_all(bad_files());

@@ -5,7 +5,7 @@ mod made;
 use lasray::coords::{Grid, HEIGHT_STEP};
 use lasray::sample::{self, RgbDepth};
 use lasray::source::placement::{Placement, PlacementOptions};
-use lasray::source::{Decoder, LidarFile};
+use lasray::source::{Decoder, LayerMemory, LidarFile};
 use lasray::stream::bins::{Bins, Budget};
 use lasray::stream::workers::{Input, Progress, read_all};
 use laz::{
@@ -95,7 +95,7 @@ fn read(file: LidarFile) -> (u64, Vec<String>) {
     let bins = Bins::new(grid, everywhere, Budget { host_bytes: 1 << 30, device_bytes: 1 << 30 });
     let progress = Progress::default();
     let inputs = [Input { file, placement: Placement::default(), rgb: RgbDepth::None }];
-    let errors = read_all(&inputs, &bins, 2, &progress);
+    let errors = read_all(&inputs, &bins, 2, &LayerMemory::default(), &progress);
     (progress.points.into_inner(), errors.iter().map(ToString::to_string).collect())
 }
 
@@ -140,4 +140,18 @@ fn a_file_that_vanishes_or_changes_is_named_once() {
     let opened: Vec<_> = opened.into_iter().map(Result::unwrap).collect();
     let sample = sample::take(&opened, &PlacementOptions::default(), &sample::Budget::default());
     assert!(sample.problems.iter().any(|(_, e)| e.to_string().contains("gone.laz")), "{:?}", sample.problems);
+}
+
+/// A fault of this program while a chunk is read is that chunk's error; nothing waits for the thread.
+#[test]
+fn a_fault_of_the_program_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("fault.las");
+    std::fs::write(&path, made::Made::new(3, made::Packing::Plain, 500).bytes()).unwrap();
+    let mut file = LidarFile::open(&path).unwrap();
+    file.header.record_len = 0;
+    let (points, errors) = read(file);
+    assert_eq!((points, errors.len()), (0, 1), "{errors:?}");
+    assert!(errors[0].contains("fault.las: chunk 0 at byte "), "{errors:?}");
+    assert!(errors[0].contains("a fault of the program: attempt to divide by zero"), "{errors:?}");
 }

@@ -2,9 +2,10 @@
 
 mod made;
 
-use lasray::source::{Decoder, LidarFile, PointBlock, SourceError, Warning};
+use lasray::source::{Chunk, Decoder, LayerMemory, LidarFile, PointBlock, SourceError, Warning};
 use made::{FORMAT_LEN, Made, Packing, append, columns, compatible, data_dir, decode_all};
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A directory that holds one file.
 struct OnDisk {
@@ -515,6 +516,40 @@ fn a_layered_chunk_beyond_the_limit_is_refused() {
     let file = LidarFile::open(&disk.path).unwrap();
     let error = Decoder::new(1000).decode(&file, &file.chunks[0], 0..1, &mut |_| ()).unwrap_err();
     assert!(error.to_string().contains("bytes of memory, 1000 are allowed"), "{error}");
+}
+
+/// Decoders that share memory wait for each other; what needs more than there is in all is refused.
+#[test]
+fn decoders_share_memory_for_layers() {
+    let made = Made::new(7, Packing::Fixed(20_000), 80_000);
+    let disk = on_disk(&made.bytes());
+    let file = LidarFile::open(&disk.path).unwrap();
+    let need = |chunk: &Chunk| Decoder::default().bytes_read(&file, chunk).unwrap();
+    let most = file.chunks.iter().map(need).max().unwrap();
+    let layers = LayerMemory::new(most + most / 2);
+    let seen = AtomicU64::new(0);
+    std::thread::scope(|scope| {
+        for thread in 0..4 {
+            let (file, layers, seen) = (&file, &layers, &seen);
+            scope.spawn(move || {
+                let (mut decoder, mut points) = (Decoder::sharing(layers), 0);
+                for chunk in file.chunks.iter().cycle().skip(thread).take(4) {
+                    let sink = &mut |block: &PointBlock| {
+                        points += block.len();
+                        seen.fetch_max(layers.held(), Ordering::Relaxed);
+                    };
+                    decoder.decode(file, chunk, 0..chunk.records, sink).unwrap();
+                }
+                assert_eq!(points, 80_000);
+            });
+        }
+    });
+    let seen = seen.into_inner();
+    assert!(seen > most / 2 && seen <= most + most / 2, "{seen} of {most}");
+    assert_eq!(layers.held(), 0);
+    let mut decoder = Decoder::sharing(&LayerMemory::new(most / 2));
+    let error = decoder.decode(&file, &file.chunks[0], 0..20_000, &mut |_| ()).unwrap_err();
+    assert!(error.to_string().contains("chunk 0 at byte"), "{error}");
 }
 
 #[test]

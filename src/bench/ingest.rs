@@ -9,7 +9,7 @@ use crate::load::{self, LoadError};
 use crate::render::camera::Bounds;
 use crate::sample;
 use crate::source::placement::PlacementOptions;
-use crate::source::{Decoder, LidarFile};
+use crate::source::{Decoder, LayerMemory, LidarFile};
 use crate::stream::bins::{Bins, Budget};
 use crate::stream::workers::{Clocks, Input, Progress, read_all};
 use crate::synth::{Format, Tile, Town, write_tile};
@@ -163,7 +163,7 @@ impl Case {
         let bins = Bins::new(self.grid()?, load::core(self.cell, &self.bounds), budget);
         let progress = Progress::default();
         let start = Instant::now();
-        let errors = read_all(&self.input, &bins, threads as usize, &progress);
+        let errors = read_all(&self.input, &bins, threads as usize, &LayerMemory::default(), &progress);
         let finish = Instant::now();
         let binned = bins.finish().context("no budget is too small")?;
         let (seconds, finish) = (start.elapsed().as_secs_f64(), finish.elapsed().as_secs_f64());

@@ -10,7 +10,7 @@ use super::report::{LoadRow, Stat};
 use crate::attribute::ClassMask;
 use crate::gpu::{Gpu, Order};
 use crate::load;
-use crate::source::Decoder;
+use crate::source::{Decoder, LayerMemory};
 use crate::stream::bins::{Bins, Budget, Meaning};
 use crate::stream::pool::Access;
 use crate::stream::scene::{Scene, Visibility};
@@ -137,7 +137,7 @@ fn ours(scene: &mut Scene, case: &Case, threads: usize) -> anyhow::Result<[f64; 
     let begin = Instant::now();
     let budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
     let bins = Bins::new(grid, load::core(case.cell, &case.bounds), budget);
-    let errors = read_all(&case.input, &bins, threads, &Progress::default());
+    let errors = read_all(&case.input, &bins, threads, &LayerMemory::default(), &Progress::default());
     if let Some(error) = errors.into_iter().next() {
         return Err(error.into());
     }

@@ -246,7 +246,7 @@ impl<'a> Case<'a> {
         live.tick(&mut self.scene, &sight, FRAME_BYTES)?;
         self.scene.flush()?;
         let tick_ms = ms(begin);
-        let table = self.renderer.table_of(&self.scene, live.shown());
+        let table = self.renderer.table_of_live(&self.scene, live);
         let table_ms = ms(begin) - tick_ms;
         let view = View {
             camera,
@@ -307,6 +307,9 @@ impl<'a> Case<'a> {
             self.errors.extend(live.take_errors());
             if tick.complete {
                 return Ok(());
+            }
+            if let Some(why) = live.failed() {
+                anyhow::bail!(why);
             }
             if tick.stuck {
                 let (host, device) = (self.options.host_bytes, self.options.device_bytes);

@@ -705,10 +705,12 @@ fn draw(
                     .map_err(|error| usage(error.into()))?;
                 live.pause(false);
                 live.restore_detail();
-                let now = fill(live, &mut scene, &sight, args)?;
+                let filled = fill(live, &mut scene, &sight, args);
                 live.pause(true);
+                // What was wrong with files is told even where the picture fails for another reason.
                 live.take_errors().iter().for_each(|error| problems.error(error));
                 live.take_warnings().iter().for_each(|warning| problems.warn(warning));
+                let now = filled?;
                 if now.coarser > 1.0 && status.is_none_or(|before: Status| before.coarser < now.coarser) {
                     problems.warn(format!(
                         "detail is reduced: cells may cover {:.1} times as many pixels, for lack of device memory (--device-memory)",
@@ -717,7 +719,7 @@ fn draw(
                 }
                 status = Some(now);
                 all.push(now);
-                renderer.table_of(&scene, live.shown())
+                renderer.table_of_live(&scene, live)
             }
         };
         // Where nothing is in sight, the sample tells what there is elsewhere.
@@ -779,6 +781,9 @@ fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Args) -> anyho
                 live.drop_unseen(scene)?;
             }
             break;
+        }
+        if let Some(why) = live.failed() {
+            anyhow::bail!(why);
         }
         if tick.stuck {
             let (host, device) = (args.host_memory, args.device_memory);

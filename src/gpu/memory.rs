@@ -194,6 +194,11 @@ impl Buffer {
         );
     }
 
+    /// Whether both are handles to the same memory.
+    pub(super) fn is(&self, other: &Buffer) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     pub(super) fn handle(&self) -> vk::Buffer {
         self.0.handle
     }

@@ -26,7 +26,7 @@ pub use memory::{Buffer, MemoryKind, stream_words};
 pub use order::{Edge, Event, Order};
 #[cfg(feature = "view")]
 pub use overlay::{Overlay, Picture};
-pub use pipeline::{Binding, BindingKind, ComputePipeline, Executable, Recipe};
+pub use pipeline::{Binding, BindingCache, BindingKind, ComputePipeline, Executable, Recipe};
 pub use ring::UploadRing;
 #[cfg(feature = "view")]
 pub use swapchain::{Acquired, Swapchain, Window};

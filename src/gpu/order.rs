@@ -346,7 +346,12 @@ impl Order {
         self.timeline(point).retire(point.value, Box::new(thing));
     }
 
-    /// Drops what is done; once a frame is enough.
+    /// Submitted work and retired things that are not known to be done: what they use is held.
+    pub fn held(&self) -> usize {
+        self.timelines.iter().map(Timeline::held).sum()
+    }
+
+    /// Drops what is done; once a frame is enough. What the host has seen done anyway goes with every submit.
     pub fn collect(&mut self) -> Result<()> {
         self.timelines.iter_mut().try_for_each(Timeline::collect)
     }

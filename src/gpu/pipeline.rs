@@ -353,7 +353,42 @@ struct BoundSet {
     views: Vec<[vk::BufferView; 1]>,
 }
 
+/// Bindings of the passes of one frame in flight, kept for the next time. A set is never written again, so it serves as
+/// long as program and buffers are the same.
+#[derive(Default)]
+pub struct BindingCache {
+    now: Vec<Binding>,
+    before: Vec<Binding>,
+}
+
+impl BindingCache {
+    /// A frame begins. What the last one had no use for is let go, and so are its buffers.
+    pub fn begin(&mut self) {
+        self.before = std::mem::take(&mut self.now);
+    }
+
+    /// [`ComputePipeline::binding`], made where this frame or the last one had none.
+    pub fn get(&mut self, program: &ComputePipeline, buffers: &[&Buffer]) -> Result<Binding> {
+        let known = self.now.iter().chain(&self.before).find(|binding| binding.ties(program, buffers));
+        let binding = match known {
+            Some(binding) => binding.clone(),
+            None => program.binding(buffers)?,
+        };
+        self.now.push(binding.clone());
+        Ok(binding)
+    }
+}
+
 impl Binding {
+    /// Whether it ties these buffers to this program.
+    fn ties(&self, program: &ComputePipeline, buffers: &[&Buffer]) -> bool {
+        let BoundSet { pipeline, buffers: own, .. } = &*self.0;
+        let same = |(a, b): (&Buffer, &&Buffer)| a.is(b);
+        Arc::ptr_eq(&pipeline.0, &program.0)
+            && own.len() == buffers.len()
+            && own.iter().zip(buffers).all(same)
+    }
+
     pub(super) fn set(&self) -> vk::DescriptorSet {
         self.0.set
     }

@@ -95,6 +95,9 @@ impl Timeline {
                 .map_err(|e| GpuError::vulkan(format!("vkQueueSubmit2 of {}", commands.name()), e))?;
         }
         self.submitted = value;
+        // Nothing is asked of the device: what the host knows to be done by now is given back with every submit, so
+        // that what is held does not grow with the number of submits.
+        self.drop_seen();
         self.retired.push_back((value, Box::new(commands)));
         Ok(SyncPoint { queue: self.queue, value })
     }
@@ -147,10 +150,19 @@ impl Timeline {
     pub fn collect(&mut self) -> Result<()> {
         let Some((oldest, _)) = self.retired.front() else { return Ok(()) };
         if self.reached(*oldest)? {
-            let done = self.retired.partition_point(|(v, _)| *v <= self.seen);
-            self.retired.drain(..done);
+            self.drop_seen();
         }
         Ok(())
+    }
+
+    /// Things that are kept until the queue is past them.
+    pub fn held(&self) -> usize {
+        self.retired.len()
+    }
+
+    fn drop_seen(&mut self) {
+        let done = self.retired.partition_point(|(v, _)| *v <= self.seen);
+        self.retired.drain(..done);
     }
 
     fn assert_submitted(&self, value: u64) {

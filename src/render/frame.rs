@@ -5,15 +5,17 @@ use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
 use crate::coords::{CELL_LIMIT, Grid, Height, SectionKey, power_of_two_at_most};
 use crate::gpu::{
-    Binding, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Recipe,
-    SyncPoint, Timestamps, shaders,
+    Binding, BindingCache, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError,
+    MemoryKind, Recipe, SyncPoint, Timestamps, shaders,
 };
+use crate::stream::live::Live;
 use crate::stream::pool::Access;
 use crate::stream::scene::{Carried, Scene};
 use crate::stream::table::Table;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use std::collections::HashMap;
+use std::sync::{Arc, Weak};
 
 /// Which traversal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -545,7 +547,10 @@ const GROUP: [u32; 2] = [8, 8];
 struct InFlight {
     frame: Buffer,
     table: Buffer,
+    /// What `table` holds: it is written only where it is another.
+    written: Weak<Table>,
     ramp: Buffer,
+    bindings: BindingCache,
 }
 
 /// Buffers of one picture size.
@@ -656,6 +661,8 @@ pub struct Renderer {
     /// Lattice height of local height 0.
     anchor: Height,
     grid: Grid,
+    /// The table of [`Renderer::table_of_live`], and of which generation of the scene and of what is shown.
+    live_table: Option<([u64; 2], Arc<Table>)>,
 }
 
 fn halves(address: u64) -> [u32; 2] {
@@ -766,6 +773,7 @@ impl Renderer {
             beamed: None,
             anchor,
             grid,
+            live_table: None,
         })
     }
 
@@ -776,7 +784,12 @@ impl Renderer {
     }
 
     /// Draws `view` of what `table` names, and waits for it.
-    pub fn draw_table(&mut self, scene: &mut Scene, view: &View, table: &Table) -> Result<Image, FrameError> {
+    pub fn draw_table(
+        &mut self,
+        scene: &mut Scene,
+        view: &View,
+        table: &Arc<Table>,
+    ) -> Result<Image, FrameError> {
         check_size(scene.gpu(), view.size)?;
         let rays = self.rays(view)?;
         let mut image = Image::new(view.size);
@@ -820,7 +833,7 @@ impl Renderer {
         &mut self,
         scene: &mut Scene,
         view: &View,
-        table: &Table,
+        table: &Arc<Table>,
         clock: Option<&mut Timestamps>,
     ) -> Result<SyncPoint, FrameError> {
         let rays = self.rays(view)?;
@@ -921,13 +934,26 @@ impl Renderer {
     }
 
     /// All that a frame may see now.
-    pub fn table(&self, scene: &Scene) -> Table {
-        Table::build(&scene.entries(), self.anchor)
+    pub fn table(&self, scene: &Scene) -> Arc<Table> {
+        Arc::new(Table::build(&scene.entries(), self.anchor))
     }
 
     /// Places and the sections that they are to show, as far as those are live: see [`Scene::entries_of`].
-    pub fn table_of(&self, scene: &Scene, shown: &[(SectionKey, SectionKey)]) -> Table {
-        Table::build(&scene.entries_of(shown.iter().copied()), self.anchor)
+    pub fn table_of(&self, scene: &Scene, shown: &[(SectionKey, SectionKey)]) -> Arc<Table> {
+        Arc::new(Table::build(&scene.entries_of(shown.iter().copied()), self.anchor))
+    }
+
+    /// The same of what `live` shows of `scene`, which are always the same two: made when either has changed.
+    pub fn table_of_live(&mut self, scene: &Scene, live: &Live) -> Arc<Table> {
+        let generations = [scene.generation(), live.shown_version()];
+        if let Some((of, table)) = &self.live_table
+            && *of == generations
+        {
+            return Arc::clone(table);
+        }
+        let table = self.table_of(scene, live.shown());
+        self.live_table = Some((generations, Arc::clone(&table)));
+        table
     }
 
     /// Sums and hit records of the picture that was recorded last, 16 bytes a pixel each.
@@ -984,7 +1010,7 @@ impl Renderer {
         &mut self,
         scene: &mut Scene,
         view: &View,
-        table: &Table,
+        table: &Arc<Table>,
         rays: &Rays,
         band: Band,
         clock: Option<&mut Timestamps>,
@@ -1011,7 +1037,7 @@ impl Renderer {
         scene: &mut Scene,
         (commands, slot): (&mut Commands, usize),
         view: &View,
-        table: &Table,
+        table: &Arc<Table>,
         rays: &Rays,
         band: Band,
         mut clock: Option<&mut Timestamps>,
@@ -1020,14 +1046,16 @@ impl Renderer {
         let table_bytes: &[u8] = bytemuck::cast_slice(&table.slots);
         let gpu = scene.gpu().clone();
         let kept = self.in_flight[slot].take().filter(|f| f.table.size() >= table_bytes.len() as u64);
-        let buffers = match kept {
+        let mut buffers = match kept {
             Some(buffers) => buffers,
             None => {
                 let make = |name: &str, size| Buffer::new(&gpu, name, MemoryKind::Upload, size);
                 InFlight {
                     frame: make("frame constants", size_of::<FrameConstants>() as u64)?,
                     table: make("section table", LEAST_TABLE_BYTES.max(table_bytes.len() as u64))?,
+                    written: Weak::new(),
                     ramp: make("colour ramp", 256 * 16)?,
+                    bindings: BindingCache::default(),
                 }
             }
         };
@@ -1044,7 +1072,11 @@ impl Renderer {
             }),
             ..self.constants(view, rays, &buffers, target, band)
         };
-        buffers.table.write(0, table_bytes);
+        // What is pointed to weakly keeps its place in memory.
+        if !std::ptr::eq(buffers.written.as_ptr(), Arc::as_ptr(table)) {
+            buffers.table.write(0, table_bytes);
+            buffers.written = Arc::downgrade(table);
+        }
         buffers.ramp.write(0, bytemuck::cast_slice(view.colors.table.as_slice()));
         buffers.frame.write(0, bytemuck::bytes_of(&constants));
 
@@ -1095,22 +1127,27 @@ impl Renderer {
         }
         scene.pool().buffers().for_each(|b| commands.keep(b.clone()));
         let pool = scene.pool().derived_page().cloned();
-        let bindings = |program: &ComputePipeline| -> Result<Binding, GpuError> {
+        buffers.bindings.begin();
+        let mut bindings = |program: &ComputePipeline| -> Result<Binding, GpuError> {
+            let cache = &mut buffers.bindings;
             // An empty scene has no page; the table is never followed into it.
             let pool = pool.as_ref().unwrap_or(&buffers.table);
             match self.access {
-                Access::Address => program.binding(&[&buffers.frame]),
-                Access::Texels => program.binding(&[&buffers.frame, pool, &buffers.table, &target.beams]),
-                Access::StorageBuffer => program.binding(&[
-                    pool,
-                    &buffers.table,
-                    &buffers.frame,
-                    &target.hits,
-                    &target.colors,
-                    &buffers.ramp,
-                    &target.beams,
-                    &target.wide_beams,
-                ]),
+                Access::Address => cache.get(program, &[&buffers.frame]),
+                Access::Texels => cache.get(program, &[&buffers.frame, pool, &buffers.table, &target.beams]),
+                Access::StorageBuffer => {
+                    let all = [
+                        pool,
+                        &buffers.table,
+                        &buffers.frame,
+                        &target.hits,
+                        &target.colors,
+                        &buffers.ramp,
+                        &target.beams,
+                        &target.wide_beams,
+                    ];
+                    cache.get(program, &all)
+                }
             }
         };
         let push = Push::new(&constants, [band.sample, band.samples], [band.first_row, band.rows]);

@@ -10,6 +10,7 @@ use crate::stream::scene::Scene;
 use crate::stream::table::Table;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// Threads of a workgroup of `shaders/screen.comp`.
 const GROUP: u32 = 64;
@@ -143,7 +144,7 @@ impl Screen {
         scene: &mut Scene,
         (commands, slot): (&mut Commands, usize),
         view: &View,
-        table: &Table,
+        table: &Arc<Table>,
         rows: u32,
     ) -> Result<(), FrameError> {
         (self.rows, self.clocked) = (0, None);

@@ -1,4 +1,4 @@
-//! Keeps a decoder's panic inside.
+//! Keeps panics inside: a decoder's, and those of threads that read.
 
 use std::{
     any::Any,
@@ -27,6 +27,12 @@ pub(super) fn contain<T>(decode: impl FnOnce() -> T) -> Result<T, String> {
     let result = panic::catch_unwind(AssertUnwindSafe(decode));
     CONTAINED.set(outer);
     result.map_err(|payload| format!("the decoder gave up: {}", message(payload.as_ref())))
+}
+
+/// Runs `work`; a panic inside becomes its message, and is printed as any other: it is a fault of this program. What
+/// `work` borrowed mutably is to be dropped after a panic, or to be sound whatever was done of it.
+pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    panic::catch_unwind(AssertUnwindSafe(work)).map_err(|payload| message(payload.as_ref()).to_owned())
 }
 
 fn message(payload: &(dyn Any + Send)) -> &str {

@@ -17,6 +17,7 @@ use laz::{
 use std::{
     io::{self, Cursor},
     ops::Range,
+    sync::{Arc, Condvar, Mutex, PoisonError},
 };
 
 /// Bytes of raw records that are read and taken apart at a time: stays in the second-level cache.
@@ -28,13 +29,74 @@ pub struct Decoder {
     raw: Vec<u8>,
     input: Vec<u8>,
     block: PointBlock,
-    layer_limit: u64,
+    layers: LayerMemory,
     all_layers: bool,
+}
+
+/// Memory that decoders share for the layers of the chunks that they are at. One that finds too little free waits for
+/// the others; what needs more than there is in all is refused.
+#[derive(Clone, Debug)]
+pub struct LayerMemory(Arc<Layers>);
+
+#[derive(Debug)]
+struct Layers {
+    most: u64,
+    held: Mutex<u64>,
+    /// Those who wait do so one after the other, so that a large chunk is not overtaken for ever.
+    turn: Mutex<()>,
+    freed: Condvar,
+}
+
+/// A share of [`LayerMemory`], given back when it is dropped.
+struct HeldLayers<'a> {
+    layers: &'a Layers,
+    bytes: u64,
+}
+
+impl LayerMemory {
+    /// So many bytes.
+    pub fn new(most: u64) -> LayerMemory {
+        LayerMemory(Arc::new(Layers {
+            most,
+            held: Mutex::new(0),
+            turn: Mutex::new(()),
+            freed: Condvar::new(),
+        }))
+    }
+
+    /// Bytes that are in use.
+    pub fn held(&self) -> u64 {
+        *self.0.held.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes `bytes`, which are not more than there are: waits until they are free.
+    fn take(&self, bytes: u64) -> HeldLayers<'_> {
+        let layers = &*self.0;
+        let _turn = layers.turn.lock().unwrap_or_else(PoisonError::into_inner);
+        let held = layers.held.lock().unwrap_or_else(PoisonError::into_inner);
+        let is_full = |held: &mut u64| *held + bytes > layers.most;
+        let mut held = layers.freed.wait_while(held, is_full).unwrap_or_else(PoisonError::into_inner);
+        *held += bytes;
+        HeldLayers { layers, bytes }
+    }
+}
+
+impl Drop for HeldLayers<'_> {
+    fn drop(&mut self) {
+        *self.layers.held.lock().unwrap_or_else(PoisonError::into_inner) -= self.bytes;
+        self.layers.freed.notify_all();
+    }
 }
 
 impl Default for Decoder {
     fn default() -> Decoder {
-        Decoder::new(512 << 20)
+        Decoder::sharing(&LayerMemory::default())
+    }
+}
+
+impl Default for LayerMemory {
+    fn default() -> LayerMemory {
+        LayerMemory::new(512 << 20)
     }
 }
 
@@ -42,8 +104,13 @@ impl Decoder {
     /// A decoder that refuses layered chunks with more than `layer_limit` bytes of layers: those are
     /// decoded in memory, everything else as a stream.
     pub fn new(layer_limit: u64) -> Decoder {
+        Decoder::sharing(&LayerMemory::new(layer_limit))
+    }
+
+    /// The same of decoders that share memory for layers.
+    pub fn sharing(layers: &LayerMemory) -> Decoder {
         let (raw, input, block) = Default::default();
-        Decoder { raw, input, block, layer_limit, all_layers: false }
+        Decoder { raw, input, block, layers: layers.clone(), all_layers: false }
     }
 
     /// The same decoder, but one that reads and decodes layers too that no [`PointBlock`] stores: what skipping them
@@ -205,10 +272,11 @@ impl Decoder {
             let layout = RecordLayout::of_layers(&file.header);
             (layout, layers.needed_bytes(layout.rgb.is_some()))
         };
-        if needed > self.layer_limit {
+        let memory = self.layers.clone();
+        if needed > memory.0.most {
             return Err(bad(format!(
                 "its layers need {needed} bytes of memory, {} are allowed",
-                self.layer_limit
+                memory.0.most
             )));
         }
         let rgb = layout.rgb.is_some();
@@ -229,6 +297,7 @@ impl Decoder {
                 return Ok(());
             }
         }
+        let _held = memory.take(needed);
         let mut records = contain(|| match self.all_layers {
             true => Layered::all(handle, &laszip.items, &layers),
             false => Layered::new(handle, &laszip.items, layout, &layers, layers.wanted(rgb)),

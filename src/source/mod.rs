@@ -8,7 +8,7 @@
 mod bytes;
 mod chunks;
 mod compatible;
-mod contain;
+pub(crate) mod contain;
 mod copc;
 pub mod crs;
 mod decode;
@@ -31,7 +31,7 @@ mod wkt;
 
 pub use bytes::{FileBytes, OpenFile, time_reading};
 pub use copc::{Copc, VoxelKey};
-pub use decode::Decoder;
+pub use decode::{Decoder, LayerMemory};
 pub use error::{SourceError, Warning};
 pub use header::FileHeader;
 pub use vlr::VlrEntry;

@@ -99,6 +99,8 @@ pub struct Finished {
     pub damaged: bool,
     /// Changes to the set of files that it knows of.
     pub change: u64,
+    /// Bytes that its columns take until [`Builds::packed`] says that they are gone.
+    pub bytes: u64,
 }
 
 /// A chunk to be read, and the sections that want it.
@@ -138,9 +140,9 @@ pub struct Progress {
     pub chunks: u64,
     /// Those whose bounds are known.
     pub chunks_known: u64,
-    /// Sections that are being made, and their bytes.
+    /// Sections that are being made.
     pub builds: u64,
-    /// Bytes that they take.
+    /// Bytes that they take, and those that wait to be packed.
     pub build_bytes: u64,
     /// Chunks that the sections which are being made lack.
     pub lacking: u64,
@@ -157,6 +159,8 @@ pub struct Builds {
     budget_bytes: u64,
     change: u64,
     finished: VecDeque<Finished>,
+    /// Bytes of those, and of those that are being packed.
+    waiting_bytes: u64,
     /// Finished, on their way to whoever wanted them.
     out: HashSet<SectionKey>,
     errors: Vec<String>,
@@ -196,7 +200,7 @@ fn reaches_out(inner: Cells, outer: Cells) -> bool {
 }
 
 impl Builds {
-    /// Nothing yet, on `grid`. `budget_bytes`: of sections that are being made.
+    /// Nothing yet, on `grid`. `budget_bytes`: of sections that are being made, until they are packed.
     pub fn new(grid: Grid, budget_bytes: u64) -> Builds {
         Builds {
             grid,
@@ -207,6 +211,7 @@ impl Builds {
             budget_bytes,
             change: 0,
             finished: VecDeque::new(),
+            waiting_bytes: 0,
             out: HashSet::new(),
             errors: Vec::new(),
             warnings: Vec::new(),
@@ -361,7 +366,7 @@ impl Builds {
     }
 
     fn bytes(&self) -> u64 {
-        self.builds.values().map(|build| build.bytes.max(USUAL_BYTES)).sum()
+        self.waiting_bytes + self.builds.values().map(|build| build.bytes.max(USUAL_BYTES)).sum::<u64>()
     }
 
     fn drop_build(&mut self, key: SectionKey) {
@@ -386,7 +391,7 @@ impl Builds {
                 bytes = self.bytes();
             }
             // One is always made, or nothing would ever be.
-            if bytes + USUAL_BYTES > self.budget_bytes && !self.builds.is_empty() {
+            if bytes + USUAL_BYTES > self.budget_bytes && bytes > 0 {
                 break;
             }
             bytes += USUAL_BYTES;
@@ -419,11 +424,23 @@ impl Builds {
 
     fn finish_if_whole(&mut self, key: SectionKey) {
         if self.builds.get(&key).is_some_and(|build| build.lacks.is_empty()) {
-            let Build { columns, damaged, .. } = self.builds.remove(&key).expect("just seen");
+            let Build { columns, damaged, bytes, .. } = self.builds.remove(&key).expect("just seen");
             self.order.retain(|other| *other != key);
             self.out.insert(key);
-            self.finished.push_back(Finished { key, columns, damaged, change: self.change });
+            self.waiting_bytes += bytes;
+            self.finished.push_back(Finished { key, columns, damaged, change: self.change, bytes });
         }
+    }
+
+    /// Bytes of the section that [`Builds::take_finished`] gives next.
+    pub fn next_finished(&self) -> Option<u64> {
+        self.finished.front().map(|finished| finished.bytes)
+    }
+
+    /// The columns of a finished section, which took so many bytes, are gone: there is room for others.
+    pub fn packed(&mut self, bytes: u64) {
+        self.waiting_bytes -= bytes;
+        self.admit();
     }
 
     /// A section that is finished, once.
@@ -647,7 +664,7 @@ impl Builds {
     pub fn progress(&self) -> Progress {
         Progress {
             builds: self.builds.len() as u64,
-            build_bytes: self.builds.values().map(|build| build.bytes).sum(),
+            build_bytes: self.waiting_bytes + self.builds.values().map(|build| build.bytes).sum::<u64>(),
             ..self.progress
         }
     }

@@ -1,21 +1,24 @@
 //! Threads that read what is wanted: chunks into sections, finished sections into packed ones.
 //!
 //! The threads have the lowest priority, so one that holds the lock may not run for a while. What a frame tells them goes
-//! by letter therefore, and what they tell it by channels: a frame never waits for them.
+//! by letter therefore, and what they tell it by channels; where a frame has to look at or change what they share, it
+//! does so when the lock happens to be free ([`Feed::try_hold`]), in this frame or a later one. It never waits for them.
 
 use super::bins::{Binner, Core, Shared, lock};
+use super::budget::Shares;
 use super::builds::{Builds, Finished, Job, Outcome, Progress};
 use super::sparse::{self, Sparse};
-use super::workers::Input;
+use super::workers::{Input, panicked};
 use crate::coords::{Grid, SectionKey};
 use crate::section::Packed;
+use crate::source::contain::caught;
 use crate::source::known::RawBounds;
 use crate::source::learned::Cache;
-use crate::source::{Decoder, PointBlock};
+use crate::source::{Decoder, LayerMemory, PointBlock};
 use crossbeam_channel::{Receiver, Sender};
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 use thread_priority::{ThreadPriority, set_current_thread_priority};
 
@@ -36,6 +39,14 @@ pub struct Arrival {
     pub change: u64,
     /// It is of the sparse sample.
     pub sparse: bool,
+    /// Bytes that it is charged with until it is taken.
+    bytes: u64,
+}
+
+/// Most bytes that columns of so many take once they are packed.
+fn packed_bytes_at_most(columns: u64) -> u64 {
+    // A byte more for each column's twelve, and the head.
+    columns + columns / 8 + (16 << 10)
 }
 
 /// Sections of the sparse sample.
@@ -72,6 +83,10 @@ enum Letter {
     Want(Vec<SectionKey>),
     /// See [`Builds::taken`].
     Taken(SectionKey),
+    /// Nothing more is begun, or it goes on.
+    Pause(bool),
+    /// What is learned of files is kept there, now and then and at the end.
+    Cache(Cache),
 }
 
 /// What the threads tell frames.
@@ -95,6 +110,15 @@ struct Inner {
     news: Sender<News>,
     /// No sparse sample is being taken.
     sampled: AtomicBool,
+    /// Bytes of sections that are being packed, or wait to be taken, and how many there may be.
+    arriving: AtomicU64,
+    most_arriving: u64,
+    /// A section waits to be packed until there is room.
+    is_held_back: AtomicBool,
+    /// What decoders share.
+    layers: LayerMemory,
+    /// Why nothing will be read any more.
+    failed: OnceLock<String>,
 }
 
 impl Inner {
@@ -103,6 +127,39 @@ impl Inner {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         self.read_letters(&mut state);
         state
+    }
+
+    /// The same, unless one would have to wait for it.
+    fn try_lock(&self) -> Option<MutexGuard<'_, State>> {
+        let mut state = match self.state.try_lock() {
+            Ok(state) => state,
+            Err(TryLockError::Poisoned(state)) => state.into_inner(),
+            Err(TryLockError::WouldBlock) => return None,
+        };
+        self.read_letters(&mut state);
+        Some(state)
+    }
+
+    /// An arrival has been taken: there is room for another.
+    fn has_taken(&self, arrival: &Arrival) {
+        self.arriving.fetch_sub(arrival.bytes, Ordering::Relaxed);
+    }
+
+    /// Whether a section whose columns take so many bytes may be packed; then it is charged.
+    fn may_pack(&self, columns: u64) -> bool {
+        let bytes = packed_bytes_at_most(columns);
+        let room = |now: u64| (now == 0 || now + bytes <= self.most_arriving).then_some(now + bytes);
+        let may = self.arriving.fetch_update(Ordering::Relaxed, Ordering::Relaxed, room).is_ok();
+        self.is_held_back.store(!may, Ordering::Relaxed);
+        may
+    }
+
+    /// Ends all reading for a fault of this program.
+    fn fail(&self, reason: &str) {
+        // The first one is told.
+        let _ = self.failed.set(format!("reading has ended in a fault of the program: {reason}"));
+        self.stop.store(true, Ordering::Relaxed);
+        self.work.notify_all();
     }
 
     fn read_letters(&self, state: &mut State) {
@@ -117,6 +174,11 @@ impl Inner {
                     }
                     state.builds.taken(key);
                 }
+                Letter::Pause(paused) => {
+                    state.paused = paused;
+                    self.work.notify_all();
+                }
+                Letter::Cache(cache) => state.cache = Some((Arc::new(cache), Instant::now())),
             }
         }
         if let Some(order) = order {
@@ -158,8 +220,53 @@ enum Task {
 pub struct Feed {
     inner: Arc<Inner>,
     arrivals: Receiver<Arrival>,
+    /// Until the threads are started.
+    send: Option<Sender<Arrival>>,
     letters: Sender<Letter>,
     news: Receiver<News>,
+}
+
+/// What the threads share, held by someone who looks at it or changes it; they go on when it is dropped.
+pub struct Held<'a> {
+    inner: &'a Inner,
+    state: MutexGuard<'a, State>,
+}
+
+impl Held<'_> {
+    /// What is being made.
+    pub fn builds(&mut self) -> &mut Builds {
+        &mut self.state.builds
+    }
+
+    /// Points outside of these cells are left out from now on.
+    pub fn set_core(&mut self, core: Core) {
+        self.state.core = Arc::new(core);
+    }
+
+    /// Takes the sparse sample of all files that are shown, into sections of `level`.
+    pub fn sample(&mut self, level: u8) {
+        let State { builds, sparse, sample, .. } = &mut *self.state;
+        sparse.retain(|source, (of, _)| Arc::ptr_eq(of, &builds.sources()[*source].input));
+        let sources = builds.sources();
+        let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
+        let most = sparse::points_of_file(left.len());
+        let change = builds.change();
+        self.inner.sampled.store(left.is_empty(), Ordering::Release);
+        *sample = (!left.is_empty()).then(|| Sample {
+            level,
+            most,
+            left,
+            busy: 0,
+            sections: Arc::default(),
+            change,
+        });
+    }
+}
+
+impl Drop for Held<'_> {
+    fn drop(&mut self) {
+        self.inner.work.notify_all();
+    }
 }
 
 /// [`Grid`] whose cells are those of a detail level.
@@ -172,14 +279,8 @@ fn grid_at(grid: &Grid, level: u8) -> Grid {
 }
 
 impl Feed {
-    /// Starts `threads` threads; `wake` is called when something has arrived.
-    pub fn new(
-        builds: Builds,
-        grid: Grid,
-        core: Core,
-        threads: usize,
-        wake: impl Fn() + Send + Sync + 'static,
-    ) -> Feed {
+    /// Of what `builds` says, in host memory of `shares`. Nothing is read before [`Feed::start`].
+    pub fn new(builds: Builds, grid: Grid, core: Core, shares: Shares) -> Feed {
         let (letters, read) = crossbeam_channel::unbounded();
         let (tell, news) = crossbeam_channel::unbounded();
         let inner = Arc::new(Inner {
@@ -197,31 +298,60 @@ impl Feed {
             letters: read,
             news: tell,
             sampled: AtomicBool::new(true),
+            arriving: AtomicU64::new(0),
+            most_arriving: shares.arriving,
+            is_held_back: AtomicBool::new(false),
+            layers: LayerMemory::new(shares.layers),
+            failed: OnceLock::new(),
         });
         let (send, arrivals) = crossbeam_channel::bounded(QUEUE);
-        let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
-        for _ in 0..threads.max(1) {
-            let (inner, send, wake) = (Arc::clone(&inner), send.clone(), Arc::clone(&wake));
-            std::thread::spawn(move || work(&inner, &send, &*wake));
-        }
-        Feed { inner, arrivals, letters, news }
+        Feed { inner, arrivals, send: Some(send), letters, news }
     }
 
-    /// Points outside of these cells are left out from now on.
-    pub fn set_core(&self, core: Core) {
-        self.inner.lock().core = Arc::new(core);
+    /// Starts `threads` threads, once; `wake` is called when something has arrived.
+    pub fn start(&mut self, threads: usize, wake: impl Fn() + Send + Sync + 'static) {
+        let Some(send) = self.send.take() else { return };
+        let wake: Arc<dyn Fn() + Send + Sync> = Arc::new(wake);
+        for _ in 0..threads.max(1) {
+            let (inner, send, wake) = (Arc::clone(&self.inner), send.clone(), Arc::clone(&wake));
+            std::thread::spawn(move || {
+                // Panics in what is done for a chunk or a section are contained there. Others leave no sound books.
+                if let Err(reason) = caught(|| work(&inner, &send, &*wake)) {
+                    inner.fail(&reason);
+                    // It may be what has panicked.
+                    let _ = caught(&*wake);
+                }
+            });
+        }
+    }
+
+    /// Why nothing will be read any more, where that is so.
+    pub fn failed(&self) -> Option<&str> {
+        self.inner.failed.get().map(String::as_str)
     }
 
     /// Keeps what is learned of files there, now and then and at the end.
     pub fn keep_learned(&self, cache: Cache) {
-        self.inner.lock().cache = Some((Arc::new(cache), Instant::now()));
+        self.tell(Letter::Cache(cache));
     }
 
-    /// Looks at, or changes, what is being made. Waits for a thread that does so too.
-    pub fn with<R>(&self, look: impl FnOnce(&mut Builds) -> R) -> R {
-        let result = look(&mut self.inner.lock().builds);
-        self.inner.work.notify_all();
-        result
+    /// Looks at, or changes, what the threads share, unless one of them does so now: never waits.
+    pub fn try_hold(&self) -> Option<Held<'_>> {
+        Some(Held { inner: &self.inner, state: self.inner.try_lock()? })
+    }
+
+    /// The same, but waits. Not for frames.
+    pub fn hold(&self) -> Held<'_> {
+        Held { inner: &self.inner, state: self.inner.lock() }
+    }
+
+    /// Holds the state while it does what it is given.
+    pub(super) fn holder(&self) -> impl FnOnce(&mut dyn FnMut()) + Send + 'static {
+        let inner = Arc::clone(&self.inner);
+        move |work| {
+            let _state = inner.lock();
+            work();
+        }
     }
 
     /// What is wanted from now on, most urgent first; see [`Builds::want`].
@@ -240,10 +370,11 @@ impl Feed {
         self.nudge();
     }
 
-    /// Wakes the threads where letters lie unread, unless one of them is awake and about to read them. Once a frame: a
+    /// Wakes the threads where letters lie unread or there may be room again, unless one of them is awake and about to read them. Once a frame: a
     /// thread that was about to sleep may have missed the last call.
     pub fn nudge(&self) {
-        if !self.letters.is_empty() && !matches!(self.inner.state.try_lock(), Err(TryLockError::WouldBlock)) {
+        let is_due = !self.letters.is_empty() || self.inner.is_held_back.load(Ordering::Relaxed);
+        if is_due && !matches!(self.inner.state.try_lock(), Err(TryLockError::WouldBlock)) {
             self.inner.work.notify_all();
         }
     }
@@ -258,37 +389,15 @@ impl Feed {
         !self.news.is_empty()
     }
 
-    /// Takes the sparse sample of all files that are shown, into sections of `level`.
-    pub fn sample(&self, level: u8) {
-        let mut state = self.inner.lock();
-        let State { builds, sparse, .. } = &mut *state;
-        sparse.retain(|source, (of, _)| Arc::ptr_eq(of, &builds.sources()[*source].input));
-        let sources = builds.sources();
-        let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
-        let most = sparse::points_of_file(left.len());
-        let change = state.builds.change();
-        self.inner.sampled.store(left.is_empty(), Ordering::Release);
-        state.sample = (!left.is_empty()).then(|| Sample {
-            level,
-            most,
-            left,
-            busy: 0,
-            sections: Arc::default(),
-            change,
-        });
-        drop(state);
-        self.inner.work.notify_all();
-    }
-
     /// Begins nothing more, or goes on.
     pub fn pause(&self, paused: bool) {
-        self.inner.lock().paused = paused;
-        self.inner.work.notify_all();
+        self.tell(Letter::Pause(paused));
     }
 
     /// What has arrived.
     pub fn try_take(&self) -> Option<Arrival> {
-        self.arrivals.try_recv().ok()
+        let arrival = self.arrivals.try_recv().ok();
+        arrival.inspect(|arrival| self.inner.has_taken(arrival))
     }
 
     /// Whether no sparse sample is being taken: all of the last one has arrived, or waits to be taken.
@@ -299,21 +408,23 @@ impl Feed {
 
     /// Waits for what arrives next.
     pub fn take(&self, timeout: Duration) -> Option<Arrival> {
-        self.arrivals.recv_timeout(timeout).ok()
+        let arrival = self.arrivals.recv_timeout(timeout).ok();
+        arrival.inspect(|arrival| self.inner.has_taken(arrival))
     }
 
-    /// How far it is. Waits as [`Feed::with`] does.
+    /// Bytes of host memory that are on the way here, and that decoders hold.
+    pub fn passing_bytes(&self) -> u64 {
+        self.inner.arriving.load(Ordering::Relaxed) + self.inner.layers.held()
+    }
+
+    /// How far it is. Waits as [`Feed::hold`] does.
     pub fn progress(&self) -> Progress {
         self.inner.lock().builds.progress()
     }
 
     /// The same, unless one would have to wait for it.
     pub fn try_progress(&self) -> Option<Progress> {
-        match self.inner.state.try_lock() {
-            Ok(state) => Some(state.builds.progress()),
-            Err(TryLockError::Poisoned(state)) => Some(state.into_inner().builds.progress()),
-            Err(TryLockError::WouldBlock) => None,
-        }
+        Some(self.inner.try_lock()?.builds.progress())
     }
 }
 
@@ -357,7 +468,8 @@ fn next(inner: &Inner) -> Option<Task> {
             let read = sparse.get(&source).filter(enough).map(|(_, read)| Arc::clone(read));
             return Some(Task::Sample { source, input, level, most, read, sections });
         }
-        if let Some(finished) = builds.take_finished() {
+        let may_pack = builds.next_finished().is_some_and(|columns| inner.may_pack(columns));
+        if may_pack && let Some(finished) = builds.take_finished() {
             return Some(Task::Pack(finished));
         }
         if let Some(job) = builds.next_job() {
@@ -370,7 +482,7 @@ fn next(inner: &Inner) -> Option<Task> {
 fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
     // Frames come first (thesis, §3.3.5). Where that is not allowed they share.
     let _ = set_current_thread_priority(ThreadPriority::Min);
-    let (mut decoder, mut binner) = (Decoder::default(), Binner::default());
+    let mut tools = Tools::new(&inner.layers);
     while let Some(task) = next(inner) {
         let core = Arc::clone(&inner.lock().core);
         let mut packs = Vec::new();
@@ -378,7 +490,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
         match task {
             Task::Pack(finished) => packs.push((finished, false)),
             Task::Chunk(job) => {
-                let outcome = read(&inner.grid, &core, &mut decoder, &mut binner, &job);
+                let outcome = read(inner, &core, &mut tools, &job);
                 let mut state = inner.lock();
                 state.builds.done(job, outcome);
                 let told = inner.report(&mut state.builds);
@@ -390,13 +502,26 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 look_after(inner);
             }
             Task::Sample { source, input, level, most, read, sections } => {
-                let of_file = read.unwrap_or_else(|| Arc::new(Sparse::read(&mut decoder, &input.file, most)));
-                let section = |key: SectionKey| {
-                    Some(Arc::clone(lock(&sections).entry(SectionKey { level, ..key }).or_default()))
-                };
-                for block in of_file.blocks() {
-                    binner.bin_into(&grid_at(&inner.grid, level), &core, &*input, block, &section);
-                }
+                let taken = caught(|| {
+                    let Tools { decoder, binner } = &mut tools;
+                    let of_file = read.unwrap_or_else(|| Arc::new(Sparse::read(decoder, &input.file, most)));
+                    let section = |key: SectionKey| {
+                        Some(Arc::clone(lock(&sections).entry(SectionKey { level, ..key }).or_default()))
+                    };
+                    for block in of_file.blocks() {
+                        binner.bin_into(&grid_at(&inner.grid, level), &core, &*input, block, &section);
+                    }
+                    of_file
+                });
+                let mut told = false;
+                let of_file = taken.unwrap_or_else(|reason| {
+                    tools = Tools::new(&inner.layers);
+                    let path = input.file.path().display();
+                    let line = format!("{path}: looking at it ended in a fault of the program: {reason}");
+                    // Nobody may be left to hear it.
+                    told = inner.news.send(News::Error(line)).is_ok();
+                    Arc::default()
+                });
                 let mut state = inner.lock();
                 let State { builds, sample, sparse, .. } = &mut *state;
                 // Another file may be in its place by now.
@@ -406,18 +531,16 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                         sparse.insert(source, (input, of_file));
                     }
                 }
-                let told = inner.report(builds);
+                told |= inner.report(builds);
                 let of_last = |sample: &Sample| Arc::ptr_eq(&sample.sections, &sections);
                 if let Some(sample) = sample.as_mut().filter(|sample| of_last(sample)) {
                     if sample.busy > 1 || !sample.left.is_empty() {
                         sample.busy -= 1;
                     } else {
                         let change = sample.change;
-                        packs.extend(
-                            lock(&sections).drain().map(|(key, columns)| {
-                                (Finished { key, columns, damaged: false, change }, true)
-                            }),
-                        );
+                        packs.extend(lock(&sections).drain().map(|(key, columns)| {
+                            (Finished { key, columns, damaged: false, change, bytes: 0 }, true)
+                        }));
                         sampled = Some(sections);
                     }
                 }
@@ -428,11 +551,9 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 look_after(inner);
             }
         }
-        for (Finished { key, columns, damaged, change }, sparse) in packs {
-            let columns = lock(&columns);
-            let packed = (columns.points() > 0).then(|| columns.pack());
-            drop(columns);
-            if send.send(Arrival { key, packed, damaged, change, sparse }).is_err() {
+        for (finished, sparse) in packs {
+            let arrival = pack(inner, finished, sparse);
+            if send.send(arrival).is_err() {
                 return;
             }
             wake();
@@ -447,6 +568,48 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
             wake();
         }
     }
+}
+
+/// What a thread reads with.
+struct Tools {
+    decoder: Decoder,
+    binner: Binner,
+}
+
+impl Tools {
+    fn new(layers: &LayerMemory) -> Tools {
+        Tools { decoder: Decoder::sharing(layers), binner: Binner::default() }
+    }
+}
+
+/// Packs a section, and lets go of its columns.
+fn pack(inner: &Inner, finished: Finished, sparse: bool) -> Arrival {
+    let Finished { key, columns, mut damaged, change, bytes: column_bytes } = finished;
+    // Those of the sample are few, and no part of what is being made.
+    let charged = if sparse { 0 } else { packed_bytes_at_most(column_bytes) };
+    let packed = caught(|| {
+        let columns = lock(&columns);
+        (columns.points() > 0).then(|| columns.pack())
+    });
+    drop(columns);
+    let packed = packed.unwrap_or_else(|reason| {
+        let SectionKey { level, i, j } = key;
+        let line = format!(
+            "section {i}, {j} of level {level}: packing it ended in a fault of the program: {reason}"
+        );
+        // Nobody may be left to hear it.
+        let _ = inner.news.send(News::Error(line));
+        damaged = true;
+        None
+    });
+    let bytes = packed.as_ref().map_or(0, |packed| 4 * packed.words.len() as u64);
+    inner.arriving.fetch_add(bytes, Ordering::Relaxed);
+    inner.arriving.fetch_sub(charged, Ordering::Relaxed);
+    if !sparse {
+        inner.lock().builds.packed(column_bytes);
+        inner.work.notify_all();
+    }
+    Arrival { key, packed, damaged, change, sparse, bytes }
 }
 
 /// Forgets and keeps, where it is time.
@@ -474,7 +637,7 @@ fn keep(cache: &Cache, learned: &[(Arc<Input>, Vec<Option<RawBounds>>)]) {
 }
 
 /// Reads a chunk into all that lack it.
-fn read(grid: &Grid, core: &Core, decoder: &mut Decoder, binner: &mut Binner, job: &Job) -> Outcome {
+fn read(inner: &Inner, core: &Core, tools: &mut Tools, job: &Job) -> Outcome {
     let file = &job.input.file;
     let chunk = &file.chunks[job.index];
     let mut levels: HashMap<u8, HashMap<SectionKey, &Shared>> = HashMap::new();
@@ -482,20 +645,27 @@ fn read(grid: &Grid, core: &Core, decoder: &mut Decoder, binner: &mut Binner, jo
         levels.entry(key.level).or_default().insert(SectionKey { level: 0, ..*key }, columns);
     }
     let levels: Vec<_> =
-        levels.into_iter().map(|(level, of_level)| (grid_at(grid, level), of_level)).collect();
+        levels.into_iter().map(|(level, of_level)| (grid_at(&inner.grid, level), of_level)).collect();
     let mut outcome = Outcome::default();
     let mut raw = RawBounds::NOTHING;
-    let result = decoder.decode(file, chunk, 0..chunk.records, &mut |block: &PointBlock| {
-        outcome.points += block.len() as u64;
-        for (axis, values) in [&block.x, &block.y, &block.z].into_iter().enumerate() {
-            raw.widen(axis, values);
-        }
-        let mut nowhere = 0;
-        for (grid, of_level) in &levels {
-            nowhere = binner
-                .bin_into(grid, core, &*job.input, block, &|key| of_level.get(&key).map(|&s| Arc::clone(s)));
-        }
-        outcome.nowhere += nowhere;
+    let Tools { decoder, binner } = &mut *tools;
+    let result = caught(|| {
+        decoder.decode(file, chunk, 0..chunk.records, &mut |block: &PointBlock| {
+            outcome.points += block.len() as u64;
+            for (axis, values) in [&block.x, &block.y, &block.z].into_iter().enumerate() {
+                raw.widen(axis, values);
+            }
+            let mut nowhere = 0;
+            for (grid, of_level) in &levels {
+                let section = |key| of_level.get(&key).map(|&s| Arc::clone(s));
+                nowhere = binner.bin_into(grid, core, &*job.input, block, &section);
+            }
+            outcome.nowhere += nowhere;
+        })
+    });
+    let result = result.unwrap_or_else(|reason| {
+        *tools = Tools::new(&inner.layers);
+        Err(panicked(file, chunk, outcome.points, &reason))
     });
     outcome.bounds = raw.is_sound().then_some(raw);
     outcome.error = result.err();

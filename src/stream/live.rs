@@ -2,6 +2,7 @@
 //! seen any more given back. Called once a frame; never waits.
 
 use super::bins::Core;
+use super::budget::Shares;
 use super::builds::{Builds, OpenInput, Progress};
 use super::feed::{Arrival, Feed, News};
 use super::motion::Motion;
@@ -13,7 +14,8 @@ use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
 use crate::section::Packed;
 use crate::source::learned::Cache;
-use std::collections::{HashMap, HashSet};
+use std::collections::{HashMap, HashSet, VecDeque};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Bytes that one frame of something that moves may upload.
@@ -29,7 +31,7 @@ const MOST_USED: usize = 1 << 16;
 
 /// A packed section in host memory.
 struct Kept {
-    packed: Packed,
+    packed: Arc<Packed>,
     used: u64,
 }
 
@@ -42,6 +44,70 @@ pub struct Tick {
     pub complete: bool,
     /// Not even the coarsest sections fit the device memory.
     pub stuck: bool,
+    /// Nothing will be read any more: [`Live::failed`] says why.
+    pub failed: bool,
+}
+
+/// What is to become of the files: done as soon as the threads that read let go of what they share.
+enum Change {
+    /// Some are shown, or hidden.
+    Show(Vec<usize>, bool),
+    /// More; where all of them lie.
+    Add(Vec<OpenInput>, Core),
+    /// Others in the place of some; where all of them lie.
+    Replace(Vec<(usize, OpenInput)>, Core),
+    /// The points of some lie elsewhere than was believed.
+    Corrected(Vec<usize>),
+}
+
+/// From which change on sections are made of other files than before. It does not grow with the number of changes.
+#[derive(Default)]
+struct Changes {
+    /// The last one of each file: sections that it touches.
+    of_file: HashMap<usize, u64>,
+    /// The last one after which any section may be another.
+    of_all: u64,
+    /// The last of all.
+    last: u64,
+}
+
+impl Changes {
+    fn add(&mut self, change: u64, sources: impl IntoIterator<Item = usize>) {
+        self.last = self.last.max(change);
+        self.of_file.extend(sources.into_iter().map(|source| (source, change)));
+    }
+
+    fn add_all(&mut self, change: u64) {
+        (self.of_all, self.last) = (change, self.last.max(change));
+        self.of_file.retain(|_, since| *since > change);
+    }
+}
+
+/// What files come to as a whole.
+struct Whole {
+    domain: Domain,
+    sparse_level: u8,
+}
+
+impl Whole {
+    /// Of the files that are shown.
+    fn of(grid: &Grid, builds: &Builds) -> Whole {
+        let shown = || builds.sources().iter().filter(|source| source.shown);
+        let samples = sparse::points(shown().map(|source| &source.input.file));
+        let extents: Vec<_> = shown().filter_map(|source| source.extent).collect();
+        let cells: f64 = extents
+            .iter()
+            .map(|e| (0..2).map(|axis| f64::from(e.high[axis]) - f64::from(e.low[axis])).product::<f64>())
+            .sum();
+        let domain = Domain::new(grid, extents);
+        let root = domain.roots().first().map_or(0, |key| key.level);
+        let of_level = |level: u8| cells * (-2.0 * f64::from(level)).exp2();
+        let enough = |level: &u8| of_level(*level) * SPARSE_POINTS as f64 <= samples as f64;
+        // The grid's anchor allows for no more.
+        let coarsest = MOST_LEVEL + 2;
+        let sparse_level = (root + SPARSE_ABOVE..coarsest).find(enough).unwrap_or(coarsest);
+        Whole { domain, sparse_level }
+    }
 }
 
 /// How things stand.
@@ -58,7 +124,7 @@ pub struct Status {
     pub resident: usize,
     /// Sections that a file's fault has touched, of those that were made.
     pub damaged: usize,
-    /// Bytes of sections in host memory: being made, waiting, kept.
+    /// Bytes in host memory: of sections that are being made, waiting or kept, and of chunks that are being decoded.
     pub host_bytes: u64,
     /// Bytes of sections on the device.
     pub device_bytes: u64,
@@ -71,7 +137,11 @@ pub struct Live {
     feed: Feed,
     grid: Grid,
     domain: Domain,
-    host_bytes: u64,
+    shares: Shares,
+    /// Files that were ever added.
+    sources: usize,
+    /// What is to become of them, in order.
+    pending: VecDeque<Change>,
     sight: Option<Sight>,
     cut: Cut,
     /// Members that are seen, most urgent first.
@@ -83,6 +153,7 @@ pub struct Live {
     /// What was asked for last.
     asked: Vec<SectionKey>,
     shown: Vec<Shown>,
+    shown_version: u64,
     generation: Option<u64>,
     sparse_level: u8,
     sparse_there: bool,
@@ -91,7 +162,11 @@ pub struct Live {
     empty: HashSet<SectionKey>,
     damaged: HashSet<SectionKey>,
     /// Made, not uploaded yet.
-    arrived: HashMap<SectionKey, Packed>,
+    arrived: HashMap<SectionKey, Arc<Packed>>,
+    /// Has come, but whether it is of the files as they are is not known yet.
+    doubtful: Vec<Arrival>,
+    /// Bytes that the scene holds of a section that goes to the device in pieces.
+    staged_bytes: u64,
     /// Resident, but of the files as they were.
     stale: HashSet<SectionKey>,
     /// Some of them may not be resident.
@@ -102,8 +177,7 @@ pub struct Live {
     most_kept_bytes: u64,
     /// When a section was wanted or shown last.
     used: HashMap<SectionKey, u64>,
-    /// From which change on a file touches other sections than before, or (`None`) all may be other ones.
-    changes: Vec<(u64, Option<usize>)>,
+    changes: Changes,
     tick: u64,
     coarser: f64,
     /// Tick at which that was changed last.
@@ -117,8 +191,6 @@ pub struct Live {
     errors: Vec<String>,
     /// The same, where nothing is lost by it.
     warnings: Vec<String>,
-    /// Files whose points lie elsewhere than was believed.
-    corrected: Vec<usize>,
 }
 
 fn packed_bytes(packed: &Packed) -> u64 {
@@ -142,15 +214,24 @@ impl Live {
         threads: usize,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Live {
-        let mut builds = Builds::new(grid, host_bytes / 8 * 5);
+        let shares = Shares::of(host_bytes);
+        let mut builds = Builds::new(grid, shares.builds);
+        let sources = inputs.len();
         for input in inputs {
             builds.add(input);
         }
+        let whole = Whole::of(&grid, &builds);
+        let mut feed = Feed::new(builds, grid, core, shares);
+        // Nobody else holds it before the threads are started.
+        feed.hold().sample(whole.sparse_level);
+        feed.start(threads, wake);
         let mut live = Live {
-            feed: Feed::new(builds, grid, core, threads, wake),
+            feed,
             grid,
             domain: Domain::default(),
-            host_bytes,
+            shares,
+            sources,
+            pending: VecDeque::new(),
             sight: None,
             cut: Cut::default(),
             wanted: Vec::new(),
@@ -159,6 +240,7 @@ impl Live {
             started: Instant::now(),
             asked: Vec::new(),
             shown: Vec::new(),
+            shown_version: 0,
             generation: None,
             sparse_level: 0,
             sparse_there: false,
@@ -166,13 +248,15 @@ impl Live {
             empty: HashSet::new(),
             damaged: HashSet::new(),
             arrived: HashMap::new(),
+            doubtful: Vec::new(),
+            staged_bytes: 0,
             stale: HashSet::new(),
             has_new_stale: false,
             kept: HashMap::new(),
             kept_bytes: 0,
-            most_kept_bytes: host_bytes / 4,
+            most_kept_bytes: shares.kept,
             used: HashMap::new(),
-            changes: Vec::new(),
+            changes: Changes::default(),
             tick: 0,
             coarser: 1.0,
             coarsened: 0,
@@ -181,31 +265,15 @@ impl Live {
             purged: Vec::new(),
             errors: Vec::new(),
             warnings: Vec::new(),
-            corrected: Vec::new(),
         };
-        live.look_at_files();
+        live.take_whole(whole);
         live
     }
 
-    /// The domain of the files that are shown, and a sparse sample of them.
-    fn look_at_files(&mut self) {
-        let (extents, samples) = self.feed.with(|builds| {
-            let shown = || builds.sources().iter().filter(|source| source.shown);
-            let samples = sparse::points(shown().map(|source| &source.input.file));
-            (shown().filter_map(|source| source.extent).collect::<Vec<_>>(), samples)
-        });
-        let cells: f64 = extents
-            .iter()
-            .map(|e| (0..2).map(|axis| f64::from(e.high[axis]) - f64::from(e.low[axis])).product::<f64>())
-            .sum();
-        self.domain = Domain::new(&self.grid, extents);
-        let root = self.domain.roots().first().map_or(0, |key| key.level);
-        let of_level = |level: u8| cells * (-2.0 * f64::from(level)).exp2();
-        let enough = |level: &u8| of_level(*level) * SPARSE_POINTS as f64 <= samples as f64;
-        // The grid's anchor allows for no more.
-        let coarsest = MOST_LEVEL + 2;
+    /// The files are others: their domain, and a sparse sample of them, which has been asked for.
+    fn take_whole(&mut self, whole: Whole) {
         let old = self.sparse_level;
-        self.sparse_level = (root + SPARSE_ABOVE..coarsest).find(enough).unwrap_or(coarsest);
+        Whole { domain: self.domain, sparse_level: self.sparse_level } = whole;
         self.sparse_there = false;
         self.sparse_now = Some(HashSet::new());
         self.arrived.retain(|key, _| key.level != old);
@@ -219,7 +287,6 @@ impl Live {
             }
         }
         self.kept_bytes = self.kept.values().map(|kept| packed_bytes(&kept.packed)).sum();
-        self.feed.sample(self.sparse_level);
         self.sight = None;
     }
 
@@ -230,46 +297,74 @@ impl Live {
 
     /// The same with several at once.
     pub fn show_files(&mut self, sources: &[usize], shown: bool) {
-        self.feed.with(|builds| sources.iter().for_each(|&source| builds.show(source, shown)));
-        self.files_changed(sources);
+        self.change(Change::Show(sources.to_vec(), shown));
     }
 
     /// Adds files; gives their numbers. `core`: of all.
     pub fn add(&mut self, inputs: Vec<OpenInput>, core: Core) -> Vec<usize> {
-        self.feed.set_core(core);
-        let sources: Vec<_> =
-            self.feed.with(|builds| inputs.into_iter().map(|input| builds.add(input)).collect());
-        self.files_changed(&sources);
-        sources
+        let sources = self.sources..self.sources + inputs.len();
+        self.sources = sources.end;
+        self.change(Change::Add(inputs, core));
+        sources.collect()
     }
 
     /// Other files in the place of some: what either touches is made anew.
     pub fn replace_files(&mut self, files: Vec<(usize, OpenInput)>, core: Core) {
-        self.feed.set_core(core);
-        let sources: Vec<_> = files.iter().map(|(source, _)| *source).collect();
+        self.change(Change::Replace(files, core));
+    }
+
+    fn change(&mut self, change: Change) {
+        self.pending.push_back(change);
+        self.apply_changes();
+    }
+
+    /// Does what is to become of files, unless a thread that reads is in the way: then in a later frame.
+    fn apply_changes(&mut self) {
+        if self.pending.is_empty() {
+            return;
+        }
         let known = self.known();
-        let (touched, change) = self.feed.with(|builds| {
-            let mut touched = touched(builds, &sources, &known);
-            files.into_iter().for_each(|(source, input)| builds.replace(source, input));
-            touched.extend(self::touched(builds, &sources, &known));
-            (touched, builds.change())
-        });
-        // Where the old ones lay is forgotten: whatever is under way is made anew.
-        self.changes.push((change, None));
-        self.remake(touched);
+        let Some(mut held) = self.feed.try_hold() else { return };
+        let mut all_touched = Vec::new();
+        for change in self.pending.drain(..) {
+            let mut changed = |builds: &Builds, sources: &[usize]| {
+                all_touched.extend(touched(builds, sources, &known));
+                self.changes.add(builds.change(), sources.iter().copied());
+            };
+            match change {
+                Change::Show(sources, shown) => {
+                    sources.iter().for_each(|&source| held.builds().show(source, shown));
+                    changed(held.builds(), &sources);
+                }
+                Change::Add(inputs, core) => {
+                    held.set_core(core);
+                    let sources: Vec<_> = inputs.into_iter().map(|input| held.builds().add(input)).collect();
+                    changed(held.builds(), &sources);
+                }
+                Change::Replace(files, core) => {
+                    held.set_core(core);
+                    let sources: Vec<_> = files.iter().map(|(source, _)| *source).collect();
+                    changed(held.builds(), &sources);
+                    let builds = held.builds();
+                    files.into_iter().for_each(|(source, input)| builds.replace(source, input));
+                    changed(builds, &sources);
+                    // Where the old ones lay is forgotten: whatever is under way is made anew.
+                    self.changes.add_all(builds.change());
+                }
+                Change::Corrected(sources) => changed(held.builds(), &sources),
+            }
+        }
+        let whole = Whole::of(&self.grid, held.builds());
+        held.sample(whole.sparse_level);
+        drop(held);
+        self.remake(all_touched);
+        self.take_whole(whole);
     }
 
     /// Sections of which something is known.
     fn known(&self) -> HashSet<SectionKey> {
         let made = self.empty.iter().chain(self.arrived.keys()).chain(self.kept.keys());
         made.chain(self.used.keys()).copied().collect()
-    }
-
-    fn files_changed(&mut self, sources: &[usize]) {
-        let known = self.known();
-        let (touched, change) = self.feed.with(|builds| (touched(builds, sources, &known), builds.change()));
-        self.changes.extend(sources.iter().map(|&source| (change, Some(source))));
-        self.remake(touched);
     }
 
     fn remake(&mut self, touched: Vec<SectionKey>) {
@@ -285,17 +380,14 @@ impl Live {
         self.has_new_stale = true;
         // What was asked for may have been thrown away.
         self.asked.clear();
-        self.look_at_files();
     }
 
     /// Does what can be done now for a camera that sees `sight`, uploading `most_bytes` at most.
     pub fn tick(&mut self, scene: &mut Scene, sight: &Sight, most_bytes: u64) -> Result<Tick, GpuError> {
         self.tick += 1;
         self.take_news();
-        let corrected = std::mem::take(&mut self.corrected);
-        if !corrected.is_empty() {
-            self.files_changed(&corrected);
-        }
+        self.apply_changes();
+        self.staged_bytes = scene.staged_bytes();
         if std::mem::take(&mut self.has_new_stale) {
             self.stale.retain(|&key| scene.is_live(key) || scene.is_coming(key));
         }
@@ -305,6 +397,9 @@ impl Live {
             scene.remove(&gone)?;
         }
         let sampled = self.feed.is_sampled();
+        for arrival in std::mem::take(&mut self.doubtful) {
+            self.news |= self.arrive(arrival);
+        }
         let mut all_taken = false;
         while self.has_room() && !all_taken {
             match self.feed.try_take() {
@@ -337,8 +432,10 @@ impl Live {
         self.ask(scene);
         self.sparse_there |= self.feed.is_sampled();
         // A correction that has come meanwhile takes something away that seems to be there.
-        let complete = self.sparse_there && self.missing(scene).next().is_none() && !self.feed.has_news();
-        Ok(Tick { changed, complete, stuck: self.stuck })
+        let failed = self.feed.failed().is_some();
+        let is_settled = self.pending.is_empty() && !self.feed.has_news() && !failed;
+        let complete = self.sparse_there && self.missing(scene).next().is_none() && is_settled;
+        Ok(Tick { changed, complete, stuck: self.stuck, failed })
     }
 
     /// Takes off the device what was of the sparse sample of the files as they were.
@@ -361,19 +458,40 @@ impl Live {
 
     /// Whether more may arrive: what has not is held back by the threads' queue.
     fn has_room(&self) -> bool {
-        self.arrived.values().map(packed_bytes).sum::<u64>() < self.host_bytes / 8
+        self.arrived_bytes() < self.shares.arrived.max(1)
+    }
+
+    fn arrived_bytes(&self) -> u64 {
+        let doubtful = self.doubtful.iter().flat_map(|arrival| &arrival.packed).map(packed_bytes);
+        let arrived = self.arrived.values().map(|packed| packed_bytes(packed));
+        arrived.chain(doubtful).sum::<u64>() + self.staged_bytes
+    }
+
+    /// Whether an arrival is not of the files as they are; `None`: a thread is in the way of finding out.
+    fn is_outdated(&self, arrival: &Arrival) -> Option<bool> {
+        let Changes { of_file, of_all, last } = &self.changes;
+        if arrival.change >= *last {
+            return Some(false);
+        }
+        if arrival.sparse || arrival.change < *of_all {
+            return Some(true);
+        }
+        let mut held = self.feed.try_hold()?;
+        let builds = held.builds();
+        let mut since = of_file.iter().filter(|(_, since)| **since > arrival.change);
+        Some(since.any(|(&source, _)| builds.touches(source, arrival.key)))
     }
 
     /// Whether it is news.
     fn arrive(&mut self, arrival: Arrival) -> bool {
-        let Arrival { key, packed, damaged, change, sparse } = arrival;
+        let Some(outdated) = self.is_outdated(&arrival) else {
+            self.doubtful.push(arrival);
+            return false;
+        };
+        let Arrival { key, packed, damaged, sparse, .. } = arrival;
         if !sparse {
             self.feed.taken(key);
         }
-        let outdated = self.changes.iter().any(|&(since, source)| {
-            let touches = |source| self.feed.with(|builds| builds.touches(source, key));
-            since > change && (sparse || source.is_none_or(touches))
-        });
         if outdated || sparse && key.level != self.sparse_level {
             // Who asked for it is to ask again.
             self.asked.clear();
@@ -393,7 +511,7 @@ impl Live {
                 if sparse {
                     self.stale.insert(key);
                 }
-                self.arrived.insert(key, packed);
+                self.arrived.insert(key, Arc::new(packed));
             }
             None => {
                 self.empty.insert(key);
@@ -631,7 +749,10 @@ impl Live {
             true => Some(true),
             false => self.empty.contains(&key).then_some(false),
         };
-        self.shown = self.cut.shown(&live);
+        let shown = self.cut.shown(&live);
+        if shown != self.shown {
+            (self.shown, self.shown_version) = (shown, self.shown_version + 1);
+        }
         self.used.extend(self.shown.iter().map(|(_, from)| (*from, self.tick)));
         if self.used.len() > MOST_USED {
             let (kept, now) = (&self.kept, self.tick);
@@ -663,6 +784,11 @@ impl Live {
         &self.shown
     }
 
+    /// A number that changes whenever [`Live::shown`] does.
+    pub fn shown_version(&self) -> u64 {
+        self.shown_version
+    }
+
     /// Sections that are seen, most urgent first.
     pub fn wanted(&self) -> &[SectionKey] {
         &self.wanted
@@ -685,13 +811,13 @@ impl Live {
 
     fn status_with(&self, scene: &Scene, progress: Progress) -> Status {
         let missing = self.missing(scene).count();
-        let arrived: u64 = self.arrived.values().map(packed_bytes).sum();
+        let passing = self.feed.passing_bytes();
         Status {
             wanted: self.wanted.len(),
             ready: self.wanted.len() - missing,
             resident: scene.resident().filter(|key| key.level != self.sparse_level).count(),
             damaged: self.damaged.len(),
-            host_bytes: progress.build_bytes + arrived + self.kept_bytes,
+            host_bytes: progress.build_bytes + passing + self.arrived_bytes() + self.kept_bytes,
             device_bytes: scene.pool().held_bytes(),
             coarser: self.coarser,
             progress,
@@ -708,13 +834,29 @@ impl Live {
         self.feed.keep_learned(cache);
     }
 
+    /// Why nothing will be read any more, where that is so.
+    pub fn failed(&self) -> Option<String> {
+        self.feed.failed().map(str::to_owned)
+    }
+
+    /// What holds the threads' state while something else is done, as one of them does that is not given time. For
+    /// tests.
+    #[doc(hidden)]
+    pub fn holder(&self) -> impl FnOnce(&mut dyn FnMut()) + Send + 'static {
+        self.feed.holder()
+    }
+
     fn take_news(&mut self) {
+        let mut corrected = Vec::new();
         for news in self.feed.news() {
             match news {
                 News::Error(error) => self.errors.push(error),
                 News::Warning(warning) => self.warnings.push(warning),
-                News::Corrected(source) => self.corrected.push(source),
+                News::Corrected(source) => corrected.push(source),
             }
+        }
+        if !corrected.is_empty() {
+            self.pending.push_back(Change::Corrected(corrected));
         }
     }
 
@@ -728,5 +870,25 @@ impl Live {
     pub fn take_errors(&mut self) -> Vec<String> {
         self.take_news();
         std::mem::take(&mut self.errors)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_do_not_grow_with_their_number() {
+        let mut changes = Changes::default();
+        for change in 1..1000 {
+            changes.add(change, [change as usize % 7]);
+        }
+        assert_eq!((changes.of_file.len(), changes.last, changes.of_all), (7, 999, 0));
+        // The last of each file counts.
+        assert!((993..1000).all(|change| changes.of_file[&(change as usize % 7)] == change));
+        changes.add_all(1000);
+        assert_eq!((changes.of_file.len(), changes.last, changes.of_all), (0, 1000, 1000));
+        changes.add(1001, [3]);
+        assert_eq!((changes.of_file[&3], changes.last), (1001, 1001));
     }
 }

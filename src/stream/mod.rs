@@ -1,6 +1,7 @@
 //! From points to resident sections: binning workers, the pool, transfers, the section table.
 
 pub mod bins;
+pub mod budget;
 pub mod builds;
 pub mod feed;
 pub mod hidden;

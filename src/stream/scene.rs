@@ -14,15 +14,23 @@ use crate::gpu::{
 };
 use crate::section::{HighestOf, Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet, VecDeque};
+use std::sync::Arc;
 
 /// Bytes of the upload ring.
 const RING_BYTES: u64 = 16 << 20;
+/// Bytes of a section larger than the ring that a frame copies.
+const PIECE_BYTES: u64 = 4 << 20;
+/// Bytes of a buffer with what a dispatch of derived passes reads.
+const CONSTANT_BYTES: u64 = 16 << 10;
+const _: () = assert!(SUBMIT_SECTIONS * size_of::<Job>() <= CONSTANT_BYTES as usize);
+/// Such buffers that wait to be used again.
+const MOST_CONSTANTS: usize = 32;
 /// Most height steps a cell by which the ends of a gap may differ and it still be a slope: the ends of a gap are up to five
 /// cells apart, and their rise must fit a signed number of 32 bits.
 const STEEPEST: f64 = (i32::MAX / 5) as f64;
-/// Table copies, hence frames that may be under way at once.
-const FRAMES_IN_FLIGHT: usize = 2;
+/// Table copies, hence frames that may be under way at once. The window's swapchain has as many.
+pub const FRAMES_IN_FLIGHT: usize = 2;
 
 /// Sections that one submit builds.
 const SUBMIT_SECTIONS: usize = 64;
@@ -125,6 +133,14 @@ struct Clock {
 struct Resident {
     live: Option<Version>,
     coming: Option<Version>,
+}
+
+/// A section larger than the ring, on its way in pieces, one a frame.
+struct Large {
+    key: SectionKey,
+    packed: Arc<Packed>,
+    /// Bytes whose copies were recorded.
+    copied: u64,
 }
 
 /// A slot that was given back: free once the last work that used it is over.
@@ -244,6 +260,11 @@ pub struct Scene {
     /// The copy that is being recorded, and whose sections it moves.
     batch: Option<(Commands, Option<Timestamps>)>,
     staged: Vec<SectionKey>,
+    large: Option<Large>,
+    /// What derived passes of submits read, oldest first, to be used again.
+    constants: VecDeque<(SyncPoint, Buffer)>,
+    /// And those of the submit that is being recorded.
+    recorded_constants: Vec<Buffer>,
     clock: Option<Clock>,
     is_held: bool,
 }
@@ -277,6 +298,9 @@ impl Scene {
             generation: 0,
             batch: None,
             staged: Vec::new(),
+            large: None,
+            constants: VecDeque::new(),
+            recorded_constants: Vec::new(),
             clock: None,
             is_held: false,
         })
@@ -305,6 +329,10 @@ impl Scene {
         layout: Layout,
         write: impl FnOnce(&mut [u32]) -> HighestOf,
     ) -> Result<bool, GpuError> {
+        while self.large.as_ref().is_some_and(|large| large.key == key) {
+            self.wait_for_ring()?;
+            self.stage_piece()?;
+        }
         if self.staged.contains(&key) {
             self.flush()?;
         }
@@ -314,7 +342,7 @@ impl Scene {
             let from = self.ring_place(len)?;
             let highest_of =
                 self.ring.buffer().write_with(from, len, |bytes| write(bytemuck::cast_slice_mut(bytes)));
-            self.stage(&slots.uploaded, 0, from, len)?;
+            self.stage(&self.pool.buffer(&slots.uploaded).clone(), slots.uploaded.offset(), from, len)?;
             highest_of
         } else {
             // A payload that is larger than the ring goes in pieces.
@@ -324,30 +352,35 @@ impl Scene {
             for (piece, part) in bytemuck::cast_slice::<u32, u8>(&words).chunks(piece_bytes).enumerate() {
                 let from = self.ring_place(part.len() as u64)?;
                 self.ring.buffer().write(from, part);
-                self.stage(&slots.uploaded, (piece * piece_bytes) as u64, from, part.len() as u64)?;
+                let at = slots.uploaded.offset() + (piece * piece_bytes) as u64;
+                self.stage(&self.pool.buffer(&slots.uploaded).clone(), at, from, part.len() as u64)?;
             }
             highest_of
         };
         self.comes(key, slots, layout, highest_of);
+        self.staged.push(key);
         Ok(true)
     }
 
     /// [`Scene::upload`] without ever waiting for the device: for frames.
-    pub fn try_upload(&mut self, key: SectionKey, packed: &Packed) -> Result<Upload, GpuError> {
-        if self.is_held {
-            return Ok(Upload::Later);
-        }
-        if packed.layout.uploaded_bytes() > RING_BYTES {
-            // It goes in pieces, one after the other.
-            return Ok(if self.upload(key, packed)? { Upload::Started } else { Upload::Full });
-        }
-        if self.staged.contains(&key) {
+    pub fn try_upload(&mut self, key: SectionKey, packed: &Arc<Packed>) -> Result<Upload, GpuError> {
+        let len = packed.layout.uploaded_bytes();
+        let is_large = len > RING_BYTES;
+        if self.is_held
+            || self.staged.contains(&key)
+            || self.large.as_ref().is_some_and(|l| is_large || l.key == key)
+        {
             return Ok(Upload::Later);
         }
         let Some(slots) = self.slots_now(&packed.layout)? else {
             return Ok(if self.freed.is_empty() { Upload::Full } else { Upload::Later });
         };
-        let len = packed.layout.uploaded_bytes();
+        if is_large {
+            // Each call of `advance` copies a piece.
+            self.comes(key, slots, packed.layout, packed.highest_of.clone());
+            self.large = Some(Large { key, packed: Arc::clone(packed), copied: 0 });
+            return Ok(Upload::Started);
+        }
         let Some(from) = self.ring.reserve(&mut self.order, len)? else {
             self.pool.free(slots.uploaded);
             self.pool.free(slots.derived);
@@ -356,9 +389,37 @@ impl Scene {
         self.ring.buffer().write_with(from, len, |bytes| {
             stream_words(bytemuck::cast_slice_mut(bytes), &packed.words);
         });
-        self.stage(&slots.uploaded, 0, from, len)?;
+        self.stage(&self.pool.buffer(&slots.uploaded).clone(), slots.uploaded.offset(), from, len)?;
         self.comes(key, slots, packed.layout, packed.highest_of.clone());
+        self.staged.push(key);
         Ok(Upload::Started)
+    }
+
+    /// Records the copy of the next piece of a section larger than the ring, if the ring has room for it now.
+    fn stage_piece(&mut self) -> Result<(), GpuError> {
+        let Some(Large { key, packed, copied }) = &self.large else { return Ok(()) };
+        let (key, packed, copied) = (*key, Arc::clone(packed), *copied);
+        let all = packed.layout.uploaded_bytes();
+        let len = PIECE_BYTES.min(all - copied);
+        let Some(from) = self.ring.reserve(&mut self.order, len)? else { return Ok(()) };
+        let words = &packed.words[copied as usize / 4..(copied + len) as usize / 4];
+        self.ring.buffer().write_with(from, len, |bytes| {
+            stream_words(bytemuck::cast_slice_mut(bytes), words);
+        });
+        let version = self.sections.get(&key).and_then(|resident| resident.coming.as_ref());
+        let slot = &version.expect("it comes until all of it is copied").slots.uploaded;
+        let (buffer, at) = (self.pool.buffer(slot).clone(), slot.offset() + copied);
+        self.stage(&buffer, at, from, len)?;
+        self.large = (copied + len < all).then(|| Large { key, packed, copied: copied + len });
+        if self.large.is_none() {
+            self.staged.push(key);
+        }
+        Ok(())
+    }
+
+    /// Bytes of host memory that are held for a section larger than the ring.
+    pub fn staged_bytes(&self) -> u64 {
+        self.large.as_ref().map_or(0, |large| 4 * large.packed.words.len() as u64)
     }
 
     /// A version is on its way.
@@ -366,7 +427,6 @@ impl Scene {
         self.counters.section_bytes += layout.uploaded_bytes();
         self.counters.sections += 1;
         let version = Version { slots, layout, highest_of, state: State::Staged };
-        self.staged.push(key);
         let overtaken = self.sections.entry(key).or_default().coming.replace(version);
         if let Some(old) = overtaken {
             self.release(old);
@@ -410,15 +470,22 @@ impl Scene {
             if let Some(from) = self.ring.reserve(&mut self.order, len)? {
                 return Ok(from);
             }
-            self.flush()?;
-            self.counters.waits += 1;
-            let oldest = self.ring.oldest().expect("a piece fits an empty ring");
-            self.order.wait(oldest)?;
+            self.wait_for_ring()?;
         }
     }
 
-    /// Records the copy of `len` bytes at `from` of the ring to byte `to` of the slot.
-    fn stage(&mut self, slot: &Slot, to: u64, from: u64, len: u64) -> Result<(), GpuError> {
+    /// Waits until a part of the ring is free that is not now.
+    fn wait_for_ring(&mut self) -> Result<(), GpuError> {
+        self.flush()?;
+        if let Some(oldest) = self.ring.oldest() {
+            self.counters.waits += 1;
+            self.order.wait(oldest)?;
+        }
+        Ok(())
+    }
+
+    /// Records the copy of `len` bytes at `from` of the ring to byte `at` of a page.
+    fn stage(&mut self, page: &Buffer, at: u64, from: u64, len: u64) -> Result<(), GpuError> {
         let (mut commands, timestamps) = match self.batch.take() {
             Some(batch) => batch,
             None => {
@@ -432,8 +499,7 @@ impl Scene {
                 (commands, timestamps)
             }
         };
-        let range = BufferCopy { from, to: slot.offset() + to, size: len };
-        commands.copy(self.ring.buffer(), self.pool.buffer(slot), &[range]);
+        commands.copy(self.ring.buffer(), page, &[BufferCopy { from, to: at, size: len }]);
         self.batch = Some((commands, timestamps));
         Ok(())
     }
@@ -500,11 +566,15 @@ impl Scene {
             timestamps
         });
         let point = self.order.submit(commands)?;
+        if work == Work::Build {
+            self.constants.extend(self.recorded_constants.drain(..).map(|buffer| (point, buffer)));
+        }
         if let (Some(clock), Some(timestamps)) = (&mut self.clock, timestamps) {
             clock.running.push((work, queue, point, timestamps));
         }
         Ok(point)
     }
+
     /// Takes sections out; their slots are free once nothing can read them any more. Their neighbours lose the
     /// bridges that led to them.
     pub fn remove(&mut self, keys: &[SectionKey]) -> Result<(), GpuError> {
@@ -512,6 +582,13 @@ impl Scene {
             return Ok(());
         }
         self.flush()?;
+        if let Some(large) = self.large.take_if(|large| keys.contains(&large.key))
+            && let Some(version) = self.sections.get_mut(&large.key).and_then(|r| r.coming.as_mut())
+            && let Some(point) = self.last_copy
+        {
+            // Its pieces may still be on their way into the slot.
+            version.state = State::Copying(point);
+        }
         self.generation += 1;
         let gone: BTreeMap<_, _> =
             keys.iter().filter_map(|&key| Some((key, self.sections.remove(&key)?))).collect();
@@ -562,6 +639,7 @@ impl Scene {
     /// Moves every version on that the device is done with: copied ones are built (together with the
     /// neighbours whose bridges they change), built ones go live. Never waits. Call it once a frame.
     pub fn advance(&mut self) -> Result<(), GpuError> {
+        self.stage_piece()?;
         self.flush()?;
         self.reclaim()?;
         let (mut copied, mut done) = (Vec::new(), Vec::new());
@@ -634,6 +712,7 @@ impl Scene {
             });
             match next.max_by_key(|p| p.value()) {
                 Some(point) => self.order.wait(point)?,
+                None if self.large.is_some() => self.wait_for_ring()?,
                 None => return Ok(()),
             }
         }
@@ -712,7 +791,7 @@ impl Scene {
             bridge: self.visibility.bridge.min(4),
             values: (self.carried == Carried::Values).into(),
         };
-        let params = self.constant("visibility", bytemuck::bytes_of(&derive))?;
+        let params = self.constant(bytemuck::bytes_of(&derive))?;
         let mut after = copied.to_vec();
         if self.pool.access() == Access::StorageBuffer {
             // Validation takes a bound buffer as touched all over.
@@ -738,6 +817,10 @@ impl Scene {
             self.last_build = Some(self.submit(Work::Build, commands, timestamps)?);
         }
         self.counters.builds += all.len() as u64;
+        // All of its submits read it.
+        self.constants.extend(self.last_build.map(|point| (point, params)));
+        let too_many = self.constants.len().saturating_sub(MOST_CONSTANTS);
+        self.constants.drain(..too_many);
         Ok(())
     }
 
@@ -783,14 +866,15 @@ impl Scene {
     }
 
     fn dispatch(
-        &self,
+        &mut self,
         commands: &mut Commands,
         program: &ComputePipeline,
         jobs: &[Job],
         params: &Buffer,
         groups: [u32; 3],
     ) -> Result<(), GpuError> {
-        let jobs = self.constant("jobs", bytemuck::cast_slice(jobs))?;
+        let jobs = self.constant(bytemuck::cast_slice(jobs))?;
+        self.recorded_constants.push(jobs.clone());
         commands.bind(program);
         match self.pool.access() {
             Access::Address | Access::Texels => {
@@ -808,9 +892,18 @@ impl Scene {
         Ok(())
     }
 
-    /// A small buffer for one use.
-    fn constant(&self, name: &str, bytes: &[u8]) -> Result<Buffer, GpuError> {
-        let buffer = Buffer::new(&self.gpu, name, MemoryKind::Upload, bytes.len() as u64)?;
+    /// A buffer that begins with `bytes`, of which there are no more than [`CONSTANT_BYTES`]: one that an earlier build
+    /// is done with, if there is one.
+    fn constant(&mut self, bytes: &[u8]) -> Result<Buffer, GpuError> {
+        let is_free = match self.constants.front() {
+            Some((point, _)) => self.order.reached(*point)?,
+            None => false,
+        };
+        let free = if is_free { self.constants.pop_front() } else { None };
+        let buffer = match free {
+            Some((_, buffer)) => buffer,
+            None => Buffer::new(&self.gpu, "what derived passes read", MemoryKind::Upload, CONSTANT_BYTES)?,
+        };
         buffer.write(0, bytes);
         Ok(buffer)
     }

@@ -2,8 +2,9 @@
 
 use super::bins::{Binner, Bins, Meaning};
 use crate::sample::RgbDepth;
+use crate::source::contain::caught;
 use crate::source::placement::Placement;
-use crate::source::{Chunk, Decoder, LidarFile, PointBlock, SourceError, time_reading};
+use crate::source::{Chunk, Decoder, LayerMemory, LidarFile, PointBlock, SourceError, time_reading};
 use glam::DVec3;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -81,13 +82,31 @@ impl Clocks {
     }
 }
 
+/// What a panic of this program becomes while `chunk` is read, after so many points.
+pub(super) fn panicked(file: &LidarFile, chunk: &Chunk, read: u64, reason: &str) -> SourceError {
+    SourceError::Chunk {
+        path: file.path().to_owned(),
+        chunk: chunk.index,
+        offset: chunk.byte_offset,
+        read,
+        records: chunk.records,
+        reason: format!("reading it ended in a fault of the program: {reason}"),
+    }
+}
+
 /// Jobs that wait for a worker.
 const QUEUE: usize = 64;
 
 /// Reads every chunk of `inputs` on `threads` workers and bins its points; returns what went wrong, in the
 /// order of files and chunks. A file that cannot be read any more is named once; a broken chunk is named and
-/// the next one goes on.
-pub fn read_all(inputs: &[Input], bins: &Bins, threads: usize, progress: &Progress) -> Vec<SourceError> {
+/// the next one goes on. `layers`: what decoders share.
+pub fn read_all(
+    inputs: &[Input],
+    bins: &Bins,
+    threads: usize,
+    layers: &LayerMemory,
+    progress: &Progress,
+) -> Vec<SourceError> {
     struct Job<'a> {
         input: usize,
         chunk: &'a Chunk,
@@ -101,17 +120,24 @@ pub fn read_all(inputs: &[Input], bins: &Bins, threads: usize, progress: &Progre
         for _ in 0..threads.max(1) {
             let (receive, errors, left, gone) = (receive.clone(), &errors, &left, &gone);
             scope.spawn(move || {
-                let (mut decoder, mut binner) = (Decoder::default(), Binner::default());
+                let (mut decoder, mut binner) = (Decoder::sharing(layers), Binner::default());
                 for Job { input, chunk } in receive {
                     let source = &inputs[input];
                     if !gone[input].load(Ordering::Relaxed) && !progress.stop.load(Ordering::Relaxed) {
                         let (start, read_before) = (Instant::now(), time_reading());
-                        let mut prepare = Duration::ZERO;
-                        let result = decoder.decode(&source.file, chunk, 0..chunk.records, &mut |block| {
-                            let start = Instant::now();
-                            binner.bin(bins, source, block);
-                            prepare += start.elapsed();
-                            progress.points.fetch_add(block.len() as u64, Ordering::Relaxed);
+                        let (mut prepare, mut points) = (Duration::ZERO, 0);
+                        let result = caught(|| {
+                            decoder.decode(&source.file, chunk, 0..chunk.records, &mut |block| {
+                                let start = Instant::now();
+                                binner.bin(bins, source, block);
+                                prepare += start.elapsed();
+                                points += block.len() as u64;
+                                progress.points.fetch_add(block.len() as u64, Ordering::Relaxed);
+                            })
+                        });
+                        let result = result.unwrap_or_else(|reason| {
+                            (decoder, binner) = (Decoder::sharing(layers), Binner::default());
+                            Err(panicked(&source.file, chunk, points, &reason))
                         });
                         let read = time_reading() - read_before;
                         progress.clocks.add(read, start.elapsed().saturating_sub(read + prepare), prepare);

@@ -272,20 +272,27 @@ impl Data {
             return Ok(tick);
         };
         let scene = self.scene.as_mut().expect("there is always one");
+        let mut ticked = Ok(None);
         if !size.contains(&0) {
             let pivot = about.bounds.min.z;
             // Solid columns without end are seen from below, too.
             let bounds = about.bounds;
             let deep = 0.1 * (bounds.max - bounds.min).max_element();
             let floor = if lit { bounds.min.z - deep } else { bounds.solid_down_to() };
-            let sight = sight(camera, size, [z_scale, pivot], floor, 1.0)?;
-            let now = live.tick(scene, &sight, upload_bytes)?;
-            scene.flush()?;
+            ticked = sight(camera, size, [z_scale, pivot], floor, 1.0).map_err(anyhow::Error::from).and_then(
+                |sight| {
+                    let now = live.tick(scene, &sight, upload_bytes)?;
+                    scene.flush()?;
+                    Ok(Some(now))
+                },
+            );
+        }
+        if let Ok(Some(now)) = &ticked {
             tick.changed |= now.changed;
             tick.is_busy = scene.is_busy();
             self.is_complete = now.complete && self.coming.is_empty();
             let why = "the sections do not fit the device memory: give more with --device-memory";
-            self.failed = now.stuck.then(|| why.to_owned());
+            self.failed = now.stuck.then(|| why.to_owned()).or_else(|| live.failed());
         }
         if (tick.changed || self.counted.elapsed() > COUNT_EVERY)
             && let Some(now) = live.try_status(scene)
@@ -299,7 +306,8 @@ impl Data {
         self.print();
         let warnings = warnings.into_iter().map(|line| format!("warning: {line}"));
         self.say(errors.into_iter().chain(warnings).collect());
-        Ok(tick)
+        // What was wrong with files is told even where this is the end.
+        ticked.map(|_| tick)
     }
 
     /// What was found when files were opened.
@@ -534,8 +542,8 @@ impl Data {
     }
 
     /// What a frame may see now.
-    pub fn table(&self, renderer: &Renderer) -> Table {
-        renderer.table_of(self.scene(), self.live.as_ref().map_or(&[], Live::shown))
+    pub fn table(&self, renderer: &mut Renderer) -> Arc<Table> {
+        self.live.as_ref().map(|live| renderer.table_of_live(self.scene(), live)).unwrap_or_default()
     }
 
     /// Shows or hides a file, by its place in [`About::files`]. Until the sections that it touches are made anew, their

@@ -24,6 +24,7 @@ use crate::render::camera::{Camera, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Renderer, Shade};
 use crate::render::path::CameraPath;
 use crate::render::screen::{Pick, Screen};
+use crate::stream::scene::FRAMES_IN_FLIGHT;
 use crate::text::harmless;
 use anyhow::Context as _;
 use data::Data;
@@ -45,8 +46,6 @@ use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy}
 use winit::keyboard::{ModifiersState, PhysicalKey};
 use winit::window::{Window, WindowId};
 
-/// Frames that may be under way at once: the scene's order has as many.
-const FRAMES_IN_FLIGHT: usize = 2;
 /// Why there is none, mostly.
 const NO_WINDOW: &str = "no window can be opened: is there a display? (lasray render needs none)";
 /// Samples that a resting picture adds up.

@@ -414,7 +414,7 @@ impl Viewer {
         let view = traced(&self.data, &self.settings, &self.camera, self.colors.as_ref(), size);
         // A coarse picture is one sample in the middle of each pixel.
         let view = view.map(|view| if self.is_coarse { View { samples: 1, ..view } } else { view });
-        let table = self.renderer.as_ref().map(|renderer| self.data.table(renderer)).unwrap_or_default();
+        let table = self.renderer.as_mut().map(|renderer| self.data.table(renderer)).unwrap_or_default();
         let scene = self.data.scene_mut();
         if let Some(view) = &view {
             self.screen.prepare(scene, view)?;

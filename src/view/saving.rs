@@ -14,6 +14,7 @@ use crate::render::screen::Screen;
 use crate::stream::table::Table;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::thread::JoinHandle;
 
 /// A picture that is being drawn. Until it is, nothing comes to the device and nothing goes: it is of one moment.
@@ -24,7 +25,7 @@ pub struct Saving {
     settings: Settings,
     colors: (ColorMode, ColorTable),
     size: [u32; 2],
-    table: Table,
+    table: Arc<Table>,
     path: PathBuf,
     /// What is copied for the host, and when.
     copied: Option<(Buffer, Option<SyncPoint>)>,
@@ -144,7 +145,7 @@ impl Viewer {
             // Keys may have changed them since the last frame.
             self.has_news |= self.apply_settings()?;
         }
-        let (Some(renderer), Some(colors)) = (&self.renderer, &self.colors) else {
+        let (Some(renderer), Some(colors)) = (&mut self.renderer, &self.colors) else {
             self.notify("There is nothing to save yet");
             return Ok(());
         };

@@ -73,7 +73,7 @@ impl Seen {
             placement: Placement::default(),
         };
         let mut renderer = Renderer::new(self.data.scene(), grid, anchor).unwrap();
-        let table = self.data.table(&renderer);
+        let table = self.data.table(&mut renderer);
         let view = data.lit(&self.camera, SIZE);
         renderer.draw_table(self.data.scene_mut(), &view, &table).unwrap()
     }

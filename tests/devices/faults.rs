@@ -2,12 +2,15 @@
 
 use super::SIZE;
 use super::common::{self, LAVAPIPE, Setup};
-use super::live::{Means, PLENTY, World, all_sections, tiles};
+use super::live::{Means, PLENTY, World, all_sections, options, tiles};
 use super::scene::{self, BRIDGED};
 use lasray::coords::SectionKey;
+use lasray::load;
+use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::source::LidarFile;
 use lasray::stream::builds::{Cells, cells_of};
+use lasray::stream::live::Live;
 use lasray::stream::pool::Access;
 use lasray::stream::residency::{Sight, touches};
 use std::fs;
@@ -178,6 +181,135 @@ fn with_little_memory_there_is_less_detail_and_with_next_to_none_it_is_said() {
         // Nothing is lost from sight.
         assert!(hits as f64 > 0.98 * all as f64, "{hits} of {all}");
         assert!(none.is_none());
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// What `paths` come to, and the first of them such that reading any chunk of it is a fault of the program.
+fn open_with_fault(paths: &[PathBuf]) -> load::Opening {
+    let mut opening = load::open(paths, &options(), &mut Problems::default()).unwrap();
+    opening.inputs[0].input.file.header.record_len = 0;
+    opening
+}
+
+#[test]
+fn a_fault_of_the_program_costs_the_chunk_it_happened_at() {
+    common::run("faults::a_fault_of_the_program_costs_the_chunk_it_happened_at", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let lost = LidarFile::open(&paths[0]).unwrap();
+        let opening = open_with_fault(&paths);
+        let mut world = World::of(&gpu, opening, PLENTY, Access::Address, BRIDGED());
+        let (_, sight) = above(&world, 0.3);
+        assert!(world.complete(&sight).damaged > 0);
+        let mut errors = world.live.take_errors();
+        errors.sort();
+        errors.dedup();
+        assert_eq!(errors.len(), lost.chunks.len(), "{errors:?}");
+        for (index, error) in errors.iter().enumerate() {
+            assert!(error.contains(&format!("a.las: chunk {index} at byte ")), "{error}");
+            assert!(error.contains("a fault of the program: attempt to divide by zero"), "{error}");
+        }
+        let its = cells(&world, &paths[0]);
+        assert!(rest_is_whole(&mut world, &paths[1..], &[its]) > 3);
+        assert_eq!(world.live.failed(), None);
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn when_no_thread_reads_any_more_nobody_waits() {
+    common::run("faults::when_no_thread_reads_any_more_nobody_waits", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let (_, sight) = above(&world, 0.3);
+        let opening = load::open(&paths, &options(), &mut Problems::default()).unwrap();
+        world.live =
+            Live::new(opening.inputs, opening.grid, opening.core, 1 << 30, 2, || panic!("nobody is there"));
+        let start = Instant::now();
+        let tick = loop {
+            let tick = world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
+            if tick.failed || tick.complete {
+                break tick;
+            }
+            assert!(start.elapsed() < Duration::from_secs(60), "it waits for ever");
+            world.live.wait(Duration::from_millis(1));
+        };
+        assert!(tick.failed && !tick.complete);
+        let why = world.live.failed().unwrap();
+        assert!(why.contains("fault of the program: nobody is there"), "{why}");
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn no_frame_waits_for_threads_that_read() {
+    common::run("faults::no_frame_waits_for_threads_that_read", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let without = all_sections(&paths[1..]);
+        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let (_, sight) = above(&world, 0.3);
+        // Some has arrived, some is under way.
+        for _ in 0..5 {
+            world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
+            world.live.wait(Duration::from_millis(5));
+        }
+        let holder = world.live.holder();
+        let (is_held, held) = std::sync::mpsc::channel();
+        let (let_go, may_go) = std::sync::mpsc::channel::<()>();
+        let thread = std::thread::spawn(move || {
+            holder(&mut || {
+                is_held.send(()).unwrap();
+                let _ = may_go.recv_timeout(Duration::from_secs(20));
+            });
+        });
+        held.recv().unwrap();
+        let start = Instant::now();
+        let more = load::open(&paths[..1], &options(), &mut Problems::default()).unwrap();
+        let opened = start.elapsed();
+        world.live.show_file(0, false);
+        world.live.pause(true);
+        world.live.pause(false);
+        let added = world.live.add(more.inputs, more.core);
+        world.live.show_files(&added, false);
+        for _ in 0..20 {
+            let tick = world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
+            assert!(!tick.complete, "what was hidden is still there");
+            assert_eq!(world.live.try_status(&world.scene).map(|_| ()), None);
+        }
+        let took = start.elapsed() - opened;
+        assert!(took < Duration::from_secs(5), "{took:?}");
+        let_go.send(()).unwrap();
+        thread.join().unwrap();
+        assert_eq!(added, [4]);
+        world.complete(&sight);
+        world.check(&without);
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn a_chunk_too_large_for_the_memory_is_named() {
+    common::run("faults::a_chunk_too_large_for_the_memory_is_named", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let means = Means { host_bytes: 256 << 10, ..PLENTY };
+        let mut world = World::open(&gpu, &paths, means, Access::Address, BRIDGED());
+        let (_, sight) = above(&world, 0.1);
+        assert!(world.complete(&sight).damaged > 0);
+        let errors = world.live.take_errors();
+        assert!(!errors.is_empty());
+        for error in errors {
+            assert!(error.contains(".laz: chunk ") && error.contains("32768 are allowed"), "{error}");
+        }
+        let lost = [1, 2].map(|k| cells(&world, &paths[k]));
+        rest_is_whole(&mut world, &paths, &lost);
         assert_eq!(gpu.messages(), [""; 0]);
     });
 }

@@ -16,17 +16,21 @@ mod scene;
 mod story;
 
 use common::{LAVAPIPE, ORDERS, SWIFTSHADER, Setup};
-use lasray::attribute::{ClassMask, ColorMode, ColorTable};
+use lasray::attribute::{Attributes, ClassMask, ColorMode, ColorTable, Record};
 use lasray::bench::log::Counts;
+use lasray::coords::{Height, SectionKey};
 use lasray::gpu::{Edge, Gpu, QueueKind, Timestamps};
 use lasray::render::camera::{Bounds, Camera, Projection};
 use lasray::render::frame::{Logged, PASSES, PassOptions, Renderer, Repeats, Traversal, View};
 use lasray::render::image::Image;
+use lasray::section::{Columns, Packed};
 use lasray::stream::pool::Access;
-use lasray::stream::scene::{Scene, Visibility};
+use lasray::stream::scene::{Scene, Upload, Visibility};
 use scene::{BRIDGED, Data, MEASURED, hits_that_differ, pixels_that_differ};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 use story::Story;
 
 const SIZE: [u32; 2] = [256, 144];
@@ -315,6 +319,103 @@ fn streaming_shows_what_is_resident_on_every_driver_and_in_every_order() {
             }
         });
     }
+}
+
+#[test]
+fn what_submits_use_is_given_back_while_a_picture_is_drawn() {
+    common::run("what_submits_use_is_given_back_while_a_picture_is_drawn", LAVAPIPE, |setup| {
+        let (gpu, data) = (setup.gpu(), town());
+        let mut scene = data.scene(&gpu, Access::Texels, BRIDGED());
+        let mut renderer = data.renderer(&scene);
+        let camera = cameras(&data.bounds)[0];
+        let view = View { samples: 100, ..data.lit(&camera, [64, 36]) };
+        renderer.draw(&mut scene, &view).unwrap();
+        // Those under way at once, and what the scene was made by.
+        assert!(scene.order.held() < 12, "{} of 100 submits", scene.order.held());
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// A section of many classes, larger than the ring that uploads go through.
+fn large() -> Packed {
+    let mut columns = Columns::default();
+    for class in 0..28 {
+        for at in 0..1 << 16 {
+            let height = Height(1000 + class * 16 + at % 7);
+            let record = Attributes {
+                height,
+                class: class as u8,
+                intensity: at as u16,
+                rgb: [class as u8; 3],
+                returns: 0x11,
+                flags: 0,
+            };
+            columns.add(at as u32 & 255, at as u32 >> 8, Record::pack(record));
+        }
+    }
+    columns.pack()
+}
+
+#[test]
+fn sections_larger_than_the_ring_hold_no_frame_up() {
+    for setup in [LAVAPIPE, ORDERS[1]] {
+        common::run("sections_larger_than_the_ring_hold_no_frame_up", setup, |setup| {
+            let (gpu, mut data) = (setup.gpu(), town());
+            let small = Arc::new(data.sections.pop().unwrap().1);
+            let mut scene = data.empty(&gpu, Access::Address, |order| order, MEASURED(), 1 << 30);
+            let packed = Arc::new(large());
+            let bytes = packed.layout.uploaded_bytes();
+            assert!(bytes > 17 << 20, "{bytes} bytes");
+            let keys = [0, 1, 2].map(|i| SectionKey { level: 0, i, j: 0 });
+            assert_eq!(scene.try_upload(keys[0], &packed).unwrap(), Upload::Started);
+            assert!(scene.is_coming(keys[0]) && scene.staged_bytes() == bytes);
+            assert_eq!(scene.try_upload(keys[1], &packed).unwrap(), Upload::Later, "one at a time");
+            // Others pass, and more of them than the ring holds wait for a later frame.
+            let of_ring = (16 << 20) / small.layout.uploaded_bytes() as i32;
+            let more = (0..=of_ring).map(|j| SectionKey { level: 0, i: 9, j: 1 + j });
+            let came: Vec<_> = more.map(|key| scene.try_upload(key, &small).unwrap()).collect();
+            assert_eq!((came[0], came[came.len() - 1]), (Upload::Started, Upload::Later));
+            let start = Instant::now();
+            while !scene.is_live(keys[0]) {
+                assert!(start.elapsed() < Duration::from_secs(60), "it never comes");
+                scene.advance().unwrap();
+                std::thread::sleep(Duration::from_millis(2));
+            }
+            assert_eq!((scene.counters().waits, scene.staged_bytes()), (0, 0));
+            // One that is taken out on its way leaves nothing behind, and one that comes again is whole.
+            assert_eq!(scene.try_upload(keys[1], &packed).unwrap(), Upload::Started);
+            scene.advance().unwrap();
+            scene.remove(&keys[1..2]).unwrap();
+            assert_eq!(scene.try_upload(keys[2], &packed).unwrap(), Upload::Started);
+            scene.advance().unwrap();
+            assert!(scene.upload(keys[2], &packed).unwrap());
+            scene.settle().unwrap();
+            for key in [keys[0], keys[2]] {
+                assert!(scene.read(key).unwrap().unwrap().uploaded == packed.words);
+            }
+            assert!(!scene.is_live(keys[1]) && !scene.is_busy());
+            assert_eq!(gpu.messages(), [""; 0]);
+        });
+    }
+}
+
+#[test]
+fn what_derived_passes_read_is_used_again() {
+    common::run("what_derived_passes_read_is_used_again", LAVAPIPE, |setup| {
+        let (gpu, data) = (setup.gpu(), town());
+        let mut scene = data.scene(&gpu, Access::Address, BRIDGED());
+        let mut show = |classes: &[u8]| {
+            scene.show(Visibility { classes: ClassMask::only(classes), ..BRIDGED() }).unwrap();
+            scene.settle().unwrap();
+            scene.wait().unwrap();
+            scene.order.collect().unwrap();
+            gpu.allocated_bytes()
+        };
+        let first = show(&[6]);
+        for _ in 0..5 {
+            assert_eq!((show(&[2]), show(&[6])), (first, first));
+        }
+    });
 }
 
 /// Edges of which a scene shows that they are missing. Not the others, which `tests/ordering` shows: a scene
