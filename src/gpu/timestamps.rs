@@ -14,6 +14,8 @@ pub struct Timestamps {
     counted: u64,
     /// Stages of the work being measured, in order; `None` while none is.
     stages: Option<Vec<&'static str>>,
+    /// Times of pieces of work that the one being measured goes on from, in the order of their stages.
+    before: Vec<(&'static str, f64)>,
 }
 
 struct QueryPool {
@@ -40,6 +42,7 @@ impl Timestamps {
             capacity,
             counted: u64::MAX >> 64u32.saturating_sub(bits).min(63),
             stages: None,
+            before: Vec::new(),
         }))
     }
 
@@ -67,9 +70,27 @@ impl Timestamps {
         commands.timestamp(self.pool.handle, stages.len() as u32);
     }
 
+    /// Waits for `point`, the submit of the measured commands; what is measured next is added to it, stage by stage.
+    pub fn go_on(&mut self, order: &mut Order, point: SyncPoint) -> Result<()> {
+        self.before = self.resolve(order, point)?;
+        Ok(())
+    }
+
     /// Waits for `point`, the submit of the measured commands; (stage, nanoseconds) in order.
     pub fn resolve(&mut self, order: &mut Order, point: SyncPoint) -> Result<Vec<(&'static str, f64)>> {
         order.wait(point)?;
+        let mut sums = std::mem::take(&mut self.before);
+        for (stage, ns) in self.measured()? {
+            match sums.iter_mut().find(|(name, _)| *name == stage) {
+                Some((_, sum)) => *sum += ns,
+                None => sums.push((stage, ns)),
+            }
+        }
+        Ok(sums)
+    }
+
+    /// The last measurement, whose work is done.
+    fn measured(&mut self) -> Result<Vec<(&'static str, f64)>> {
         let Some(stages) = self.stages.take() else { return Ok(Vec::new()) };
         let mut ticks = vec![0u64; stages.len() + 1];
         let (device, flags) = (self.pool.gpu.device(), vk::QueryResultFlags::TYPE_64);
