@@ -1,5 +1,5 @@
-//! Compiled programs, kept from run to run in a file of the user's cache folder: many drivers compile for a second at the
-//! first start otherwise. Never needed: what is missing, damaged or another driver's is as if there were none.
+//! Compiled programs, kept from run to run in a file of the user's cache folder: many drivers compile for a second at each
+//! start otherwise. Never needed: what is missing, damaged or another driver's is as if there were none.
 //!
 //! One file for each device, named by vendor and device, little endian:
 //!

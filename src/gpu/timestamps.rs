@@ -70,7 +70,7 @@ impl Timestamps {
         commands.timestamp(self.pool.handle, stages.len() as u32);
     }
 
-    /// Waits for `point`, the submit of the measured commands; what is measured next is added to it, stage by stage.
+    /// Waits for `point`, the submit of the measured commands; what is measured next, of the same stages, is added to it.
     pub fn go_on(&mut self, order: &mut Order, point: SyncPoint) -> Result<()> {
         self.before = self.resolve(order, point)?;
         Ok(())
@@ -79,14 +79,10 @@ impl Timestamps {
     /// Waits for `point`, the submit of the measured commands; (stage, nanoseconds) in order.
     pub fn resolve(&mut self, order: &mut Order, point: SyncPoint) -> Result<Vec<(&'static str, f64)>> {
         order.wait(point)?;
-        let mut sums = std::mem::take(&mut self.before);
-        for (stage, ns) in self.measured()? {
-            match sums.iter_mut().find(|(name, _)| *name == stage) {
-                Some((_, sum)) => *sum += ns,
-                None => sums.push((stage, ns)),
-            }
-        }
-        Ok(sums)
+        let before = std::mem::take(&mut self.before);
+        let mut times = self.measured()?;
+        times.iter_mut().zip(before).for_each(|((_, ns), (_, before))| *ns += before);
+        Ok(times)
     }
 
     /// The last measurement, whose work is done.
