@@ -37,9 +37,7 @@ float top_of(inout Here here, int level, ivec2 node) {
             if (slot == NO_NODE) continue;
             uint top = node_top(slot);
             if (is_section(top) && level < l) {
-                uvec2 pyramid = node_pyramid(slot);
-                here = Here(node >> l - level, slot, pyramid_place(pyramid), node_base(slot), l, detail_of(slot),
-                            pyramid_wide(pyramid));
+                here = Here(node >> l - level, slot, node_pyramid(slot), node_base(slot), l, detail_of(slot), node_wide(slot));
                 break;
             }
             if (l == level) return uintBitsToFloat(top);

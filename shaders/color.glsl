@@ -13,8 +13,7 @@ layout(constant_id = 3) const bool RAMPED = true;
 
 // What a column shows (see section.glsl).
 uint shown_at(uint slot, uvec2 column) {
-    uvec2 pyramid = node_pyramid(slot);
-    return shown_of(pyramid_place(pyramid), column, pyramid_wide(pyramid));
+    return shown_of(node_pyramid(slot), column, node_wide(slot));
 }
 
 uint class_of(uint shows) { return shows >> 24u; }
@@ -33,8 +32,7 @@ vec3 srgb_of(uint shows, uint top) {
 
 // Second word of a finished hit record.
 uint bits_of(uint shows, uint slot, uvec2 column, uint face) {
-    uvec2 pyramid = node_pyramid(slot);
-    bool measured = is_measured(pyramid_place(pyramid), column, pyramid_wide(pyramid));
+    bool measured = is_measured(node_pyramid(slot), column, node_wide(slot));
     return class_of(shows) | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << 9u | face << 12u;
 }
 const uint BITS_MISS = 256u;

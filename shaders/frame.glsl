@@ -45,11 +45,11 @@ struct Node {
     uvec2 key;    // level << 26 | index east (26 bits), index north; NO_KEY: unused
     uint top;     // highest thing below, lattice steps from the anchor, rounded up: bits of a float, the last set for sections
     uint meta;    // level | for sections: detail level, log2 of the side of a cell of what is shown here, << 16
-    uvec2 pyramid; // of the pyramid of the section shown here, which may reach farther than the node; the highest bit is
-                   // set where codes are wide
+    uvec2 pyramid; // of the pyramid of the section shown here, which may reach farther than the node: all bits of its place
     int base;      // lattice height of code 0, from the anchor
+    uint wide;     // 1 where codes are wide
     uint beside[4]; // slots of the sections of its size and detail to the east, west, north and south, or NO_NODE
-    uint pad[5];    // a cache line
+    uint pad[4];    // a cache line
 };
 const uint NO_KEY = 0xFFFFFFFFu;
 
@@ -113,7 +113,8 @@ uint node_top(uint slot) { return node_word(slot, 2); }
 uint node_meta(uint slot) { return node_word(slot, 3); }
 uvec2 node_pyramid(uint slot) { return uvec2(node_word(slot, 4), node_word(slot, 5)); }
 int node_base(uint slot) { return int(node_word(slot, 6)); }
-uint node_beside(uint slot, uint side) { return node_word(slot, 7 + int(side)); }
+uint node_wide(uint slot) { return node_word(slot, 7); }
+uint node_beside(uint slot, uint side) { return node_word(slot, 8 + int(side)); }
 #else
 uint beam_at(uint tile) { log_load(frame.beams, tile); return BEAM[tile]; }
 uvec2 node_key(uint slot) { log_node(slot, 0); return NODE[slot].key; }
@@ -121,7 +122,8 @@ uint node_top(uint slot) { log_node(slot, 2); return NODE[slot].top; }
 uint node_meta(uint slot) { log_node(slot, 3); return NODE[slot].meta; }
 uvec2 node_pyramid(uint slot) { log_node(slot, 4); return NODE[slot].pyramid; }
 int node_base(uint slot) { log_node(slot, 6); return NODE[slot].base; }
-uint node_beside(uint slot, uint side) { log_node(slot, 7u + side); return NODE[slot].beside[side]; }
+uint node_wide(uint slot) { log_node(slot, 7); return NODE[slot].wide; }
+uint node_beside(uint slot, uint side) { log_node(slot, 8u + side); return NODE[slot].beside[side]; }
 #endif
 
 // t beyond which a ray has left everything; an axis along which it does not move is crossed later than that.

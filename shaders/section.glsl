@@ -27,10 +27,6 @@ uint upper_level(uint level) { return (0x15554u & ~((1u << 18u - 2u * level) - 1
 uint block_of(uvec2 column) { return (column.y >> BLOCK_LOG2) << BLOCKS_LOG2 | column.x >> BLOCK_LOG2; }
 uint in_block(uvec2 column) { return (column.y & 3u) << BLOCK_LOG2 | column.x & 3u; }
 
-// A section's pyramid and whether its codes are wide, from the table's word for both.
-uvec2 pyramid_place(uvec2 marked) { return uvec2(marked.x, marked.y & 0x7FFFFFFFu); }
-uint pyramid_wide(uvec2 marked) { return marked.y >> 31u; }
-
 // Code of `node` of pyramid level `level`: two a word, or one where they are wide.
 uint pyramid_code(uvec2 place, uint level, uvec2 node, uint wide) {
     bool upper = level > 1u;

@@ -56,7 +56,7 @@ bool top_at(inout Here here, ivec2 column, out float top) {
     // A node of the pyramid as large as the column, or the larger column around it.
     uint level = uint(max(here.finer, 0));
     uvec2 inner = uvec2(column >> max(-here.finer, 0)) & ((SECTION_SIDE >> level) - 1u);
-    uint code = pyramid_code(pyramid_place(pyramid), level, inner, pyramid_wide(pyramid));
+    uint code = pyramid_code(pyramid, level, inner, node_wide(here.slot));
     top = float(node_base(here.slot) + int(code));
     return code != 0u;
 }

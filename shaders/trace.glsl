@@ -140,9 +140,8 @@ Hit trace(Ray ray, float start, int level) {
         // From section to section, as long as they are of one size.
         while (true) {
         uvec2 pyramid = node_pyramid(hit.slot);
-        uint wide = pyramid_wide(pyramid);
-        pyramid = pyramid_place(pyramid);
         int base = node_base(hit.slot);
+        uint wide = node_wide(hit.slot);
         while (true) {
             hit.steps++;
             log_step();

@@ -2,13 +2,16 @@
 
 mod common;
 
+use std::fs;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, SystemTime};
 
 use common::{LAVAPIPE, NO_DRIVER, ORDERS, SWIFTSHADER};
 use lasray::gpu::{
-    Buffer, BufferCopy, Gpu, GpuError, GpuOptions, MemoryKind, Order, QueueKind, Timestamps, UploadRing,
-    list_devices,
+    Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, GpuOptions, MemoryKind, Order, QueueKind, Timestamps,
+    UploadRing, list_devices, shaders,
 };
 
 #[test]
@@ -58,6 +61,58 @@ fn memory_beyond_the_device_is_an_error() {
                 "{error}"
             );
             assert_eq!((gpu.allocated_bytes(), gpu.messages()), (0, vec![]));
+        });
+    }
+}
+
+#[test]
+fn what_is_free_is_part_of_what_there_is() {
+    for setup in [LAVAPIPE, SWIFTSHADER] {
+        common::run("what_is_free_is_part_of_what_there_is", setup, |setup| {
+            let gpu = setup.gpu();
+            let free = gpu.free_bytes();
+            assert!((1 << 20..=gpu.info().memory_bytes).contains(&free), "{free} bytes");
+            assert_eq!(gpu.bytes_for_sections(1 << 16), 1 << 16);
+            assert!(gpu.bytes_for_sections(u64::MAX) < gpu.info().memory_bytes);
+            assert_eq!(gpu.messages(), [""; 0]);
+        });
+    }
+}
+
+#[test]
+fn compiled_programs_are_kept() {
+    for setup in [LAVAPIPE, SWIFTSHADER] {
+        common::run("compiled_programs_are_kept", setup, |setup| {
+            let folder = tempfile::tempdir().unwrap();
+            let files = || -> Vec<PathBuf> {
+                fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect()
+            };
+            let open = || setup.gpu_with(Some(folder.path().to_owned()));
+            let compile = |gpu: &Gpu| {
+                drop(ComputePipeline::new(gpu, "pyramid", shaders::PYRAMID, &[], 16, &[]).unwrap());
+                assert_eq!(gpu.messages(), [""; 0]);
+            };
+            drop(open());
+            assert_eq!(files().len(), 0, "nothing was compiled");
+            compile(&open());
+            let first = files();
+            assert_eq!(first.len(), 1);
+            let kept = fs::read(&first[0]).unwrap();
+            // Nothing new: it is not written again.
+            let long_ago = SystemTime::UNIX_EPOCH + Duration::from_secs(1_000_000_000);
+            let modified = || fs::metadata(&first[0]).unwrap().modified().unwrap();
+            fs::File::options().write(true).open(&first[0]).unwrap().set_modified(long_ago).unwrap();
+            compile(&open());
+            assert_eq!((modified(), files().len()), (long_ago, 1));
+            // Damaged: as if there were none.
+            let mut damaged = kept.clone();
+            damaged[kept.len() / 2] ^= 1;
+            fs::write(&first[0], damaged).unwrap();
+            compile(&open());
+            assert_eq!((fs::read(&first[0]).unwrap().len(), files().len()), (kept.len(), 1));
+            // Nowhere to keep it: no fault.
+            let file = tempfile::NamedTempFile::new().unwrap();
+            compile(&setup.gpu_with(Some(file.path().join("folder"))));
         });
     }
 }

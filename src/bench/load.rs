@@ -187,7 +187,7 @@ pub fn run(
     progress(&format!("{name}: warming up"));
     // One scene for all runs: drivers compile on first use.
     let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
-    let bytes = POOL_BYTES.min(gpu.info().memory_bytes / 8 * 7);
+    let bytes = gpu.bytes_for_sections(POOL_BYTES);
     let mut scene = Scene::new(gpu, |order: Order| order, Access::Address, bytes, seen, case.grid()?)?;
     ours(&mut scene, &case, threads)?;
     let [mut middle, mut all, mut open, mut read, mut upload, mut pack, mut total] =

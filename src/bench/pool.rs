@@ -61,7 +61,7 @@ pub fn time(
 impl Pool {
     /// An empty pool for windows of `cells` a side.
     pub fn new(gpu: &Gpu, world: &World, cells: u32) -> Result<Pool, FrameError> {
-        let budget = BUDGET.min(gpu.info().memory_bytes / 8 * 7);
+        let budget = gpu.bytes_for_sections(BUDGET);
         // Wherever it lies, with the margin, and what the motion leads to.
         let side = u64::from(cells.div_ceil(1 << SECTION_LOG2)) + 3;
         let count = side * (side + 2 * u64::from(AHEAD));

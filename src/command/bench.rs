@@ -20,6 +20,7 @@ use crate::problems::Problems;
 use crate::render::frame::{Shade, check_size};
 use crate::render::path::{CameraPath, PathKind};
 use crate::source::inputs::{self, Inputs};
+use crate::source::learned::Cache;
 use crate::source::placement::Fit;
 use crate::stream::bins::Budget;
 use crate::synth;
@@ -121,7 +122,7 @@ pub struct Args {
         value_name = "KIND,…"
     )]
     format: Vec<Kind>,
-    /// Bytes of device memory for sections
+    /// Bytes of device memory for sections, at most 7/8 of what is free there
     #[arg(long, default_value = "1GiB", value_parser = bytes, requires = "stream", help_heading = "Streaming", value_name = "BYTES")]
     device_memory: u64,
     /// Bytes of host memory for sections
@@ -231,10 +232,12 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     if args.plot.is_some() && !draws {
         return Err(usage(&"--plot: no frames are measured"));
     }
-    let gpu = Gpu::new(&GpuOptions { device: args.device, ..Default::default() }).map_err(|e| match e {
-        GpuError::NoSuchDevice { .. } => usage(&e),
-        e => e.into(),
-    })?;
+    let cache = Cache::of_user().map(|cache| cache.folder().to_owned());
+    let gpu =
+        Gpu::new(&GpuOptions { device: args.device, cache, ..Default::default() }).map_err(|e| match e {
+            GpuError::NoSuchDevice { .. } => usage(&e),
+            e => e.into(),
+        })?;
     let size = args.size.unwrap_or(SIZE);
     check_size(&gpu, size).map_err(|e| usage(&e))?;
     let most = gpu.limits().workgroup_size;
@@ -518,7 +521,7 @@ impl Harness<'_> {
             frames: args.frames.unwrap_or(STREAM_FRAMES),
             runs: args.runs,
             shade: args.shade,
-            device_bytes: args.device_memory.min(self.gpu.info().memory_bytes / 8 * 7),
+            device_bytes: self.gpu.bytes_for_sections(args.device_memory),
             host_bytes: args.host_memory,
             load: LoadOptions { quiet: true, ..load_options(args) },
             stop: &STOP,

@@ -141,10 +141,10 @@ pub struct Args {
     /// Write what each picture took there, - for standard output: sections, bytes read, memory, detail
     #[arg(long, conflicts_with_all = ["demo", "each"], help_heading = "Data", value_name = "FILE")]
     json: Option<Target>,
-    /// Neither use nor keep what was learned of files in the user's cache folder
+    /// Neither use nor keep what was learned of files, and compiled programs, in the user's cache folder
     #[arg(long, help_heading = "Data")]
     no_cache: bool,
-    /// Bytes of device memory for sections
+    /// Bytes of device memory for sections, at most 7/8 of what is free there
     #[arg(long, default_value = "1GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
     device_memory: u64,
     /// Bytes of host memory for sections
@@ -317,7 +317,7 @@ fn cache(args: &Args) -> Option<Cache> {
 
 /// Bytes that sections may take on the device: what was asked for, and what it has beside the picture.
 fn device_budget(gpu: &Gpu, args: &Args) -> u64 {
-    args.device_memory.min(gpu.info().memory_bytes / 8 * 7)
+    gpu.bytes_for_sections(args.device_memory)
 }
 
 /// Draws.
@@ -343,11 +343,16 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         return Err(UsageError(why).into());
     }
     check_targets(&protected, pictures.map(|path| ("-o", path)), args.json.iter().map(|to| ("--json", to)))?;
-    let gpu = Gpu::new(&GpuOptions { device: args.device, validate: args.validate, ..Default::default() })
-        .map_err(|e| match e {
-            GpuError::NoSuchDevice { .. } => UsageError(e.to_string()).into(),
-            e => anyhow::Error::from(e),
-        })?;
+    let options = GpuOptions {
+        device: args.device,
+        validate: args.validate,
+        cache: cache(&args).map(|cache| cache.folder().to_owned()),
+        ..Default::default()
+    };
+    let gpu = Gpu::new(&options).map_err(|e| match e {
+        GpuError::NoSuchDevice { .. } => UsageError(e.to_string()).into(),
+        e => anyhow::Error::from(e),
+    })?;
     let options = LoadOptions {
         cell: args.cell.0,
         placement: args.placement.options(),

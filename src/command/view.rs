@@ -78,10 +78,10 @@ pub struct Args {
     /// Bits of the RGB fields, where the choice from the data is wrong
     #[arg(long, value_parser = ["8", "16"], help_heading = "Data")]
     rgb_bits: Option<String>,
-    /// Neither use nor keep what was learned of files in the user's cache folder
+    /// Neither use nor keep what was learned of files, and compiled programs, in the user's cache folder
     #[arg(long, help_heading = "Data")]
     no_cache: bool,
-    /// Bytes of device memory for sections
+    /// Bytes of device memory for sections, at most 7/8 of what is free there
     #[arg(long, default_value = "1GiB", value_parser = render::bytes, help_heading = "Data", value_name = "BYTES")]
     device_memory: u64,
     /// Bytes of host memory for sections while they are read
@@ -131,6 +131,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     };
     let shown = args.classes.map_or(ClassMask::default(), |list| ClassMask::only(&list.0));
     let classes = args.hide.map_or(shown, |list| shown.without(&list.0));
+    let cache = if args.no_cache { None } else { Cache::of_user() };
     let data = view::data::Options {
         cell: args.cell.0,
         placement: args.placement.options(),
@@ -138,12 +139,17 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         host_bytes: args.host_memory,
         device_bytes: args.device_memory,
         visibility: Visibility { classes, withheld: args.withheld, bridge: 4 },
-        cache: if args.no_cache { None } else { Cache::of_user() },
+        cache: cache.clone(),
     };
     let options = view::Options {
         inputs: args.inputs,
         data,
-        gpu: GpuOptions { device: args.device, validate: args.validate, ..GpuOptions::default() },
+        gpu: GpuOptions {
+            device: args.device,
+            validate: args.validate,
+            cache: cache.map(|cache| cache.folder().to_owned()),
+            ..GpuOptions::default()
+        },
         size: args.size,
         color: args.color.0,
         z_scale: args.z_scale,

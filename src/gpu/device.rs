@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 use std::ffi::{CStr, CString, c_void};
 use std::fmt;
 use std::mem::ManuallyDrop;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use ash::{ext, khr, vk};
@@ -12,6 +13,7 @@ use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use gpu_allocator::{AllocationSizes, AllocatorDebugSettings};
 
 use super::command::RawCommands;
+use super::kept::Kept;
 use super::pipeline::Programs;
 use super::{GpuError, Result};
 
@@ -29,6 +31,8 @@ pub struct GpuOptions {
     /// Lets the driver's compiler say what it made of programs, where it can: see
     /// [`super::ComputePipeline::statistics`].
     pub statistics: bool,
+    /// Folder where compiled programs are kept from run to run; `None`: they are not.
+    pub cache: Option<PathBuf>,
 }
 
 /// What sort of processor a device is; the first is preferred.
@@ -140,11 +144,16 @@ pub(super) struct Inner {
     pub programs: Mutex<Programs>,
     /// What compiling left behind; the driver lets any thread use it.
     pub pipeline_cache: vk::PipelineCache,
+    /// Where that is kept, and what of it was there at the start.
+    kept: Option<Kept>,
+    /// A program was made that may not be in what is kept.
+    pub has_compiled: AtomicBool,
     pub compute: Queue,
     /// `None`: the compute queue itself.
     pub transfer: Option<Queue>,
-    #[cfg(feature = "view")]
     pub physical: vk::PhysicalDevice,
+    /// The driver says how much memory is left.
+    has_memory_budget: bool,
     /// Held around every queue call: Vulkan wants queues used by one thread at a time.
     pub submitting: Mutex<()>,
     pub has_host_query_reset: bool,
@@ -222,14 +231,14 @@ impl Gpu {
             let DeviceInfo { index, name, missing, .. } = info;
             return Err(GpuError::Unsuitable { index, name, missing: missing.join(", ") });
         }
-        Gpu::open(instance, physical, info, options.statistics, |family| presents(physical, family))
+        Gpu::open(instance, physical, info, options, |family| presents(physical, family))
     }
 
     fn open(
         instance: Instance,
         physical: vk::PhysicalDevice,
         mut info: DeviceInfo,
-        statistics: bool,
+        options: &GpuOptions,
         presents: impl Fn(u32) -> Option<bool>,
     ) -> Result<Gpu> {
         let vk_instance = &instance.handle;
@@ -261,10 +270,12 @@ impl Gpu {
         };
         // A device that has this extension must have it enabled (MoltenVK).
         let portability = c"VK_KHR_portability_subset";
-        let mut enabled: Vec<_> = extensions
-            .iter()
-            .filter(|e| e.extension_name_as_c_str() == Ok(portability))
-            .map(|_| portability.as_ptr())
+        let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let has_memory_budget = has(ext::memory_budget::NAME);
+        let mut enabled: Vec<_> = [portability, ext::memory_budget::NAME]
+            .into_iter()
+            .filter(|&name| has(name))
+            .map(CStr::as_ptr)
             .collect();
         let for_window = presents(plan.compute).is_some();
         if for_window {
@@ -272,7 +283,7 @@ impl Gpu {
         }
         let offered = Features::of(vk_instance, physical);
         let name = khr::pipeline_executable_properties::NAME;
-        let statistics = statistics
+        let statistics = options.statistics
             && offered.pipeline_executable_info
             && extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let mut with_statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
@@ -339,9 +350,18 @@ impl Gpu {
             limits(vk_instance, physical, [plan.compute, transfer].map(|f| &families[f as usize]))
         };
         tracing::debug!("device {info}; queues {plan:?}");
-        // SAFETY: the device is alive. Without a cache programs are made as well.
-        let pipeline_cache = unsafe { device.create_pipeline_cache(&Default::default(), None) }
-            .unwrap_or(vk::PipelineCache::null());
+        // SAFETY: `physical` was enumerated from this instance.
+        let properties = unsafe { vk_instance.get_physical_device_properties(physical) };
+        let mut kept = options.cache.as_deref().map(|folder| Kept::of(folder, &properties));
+        let data = kept.as_mut().and_then(Kept::load).unwrap_or_default();
+        let make = |data: &[u8]| {
+            let create = vk::PipelineCacheCreateInfo::default().initial_data(data);
+            // SAFETY: the device is alive; the data is what its driver wrote: whose it is, and its checksum, were
+            // looked at.
+            unsafe { device.create_pipeline_cache(&create, None) }
+        };
+        // Without a cache programs are made as well.
+        let pipeline_cache = make(&data).or_else(|_| make(&[])).unwrap_or(vk::PipelineCache::null());
         let gpu = Gpu(Arc::new(Inner {
             device,
             allocator: Mutex::new(ManuallyDrop::new(allocator)),
@@ -349,10 +369,12 @@ impl Gpu {
             idle_commands: Mutex::default(),
             programs: Mutex::default(),
             pipeline_cache,
+            kept,
+            has_compiled: AtomicBool::new(false),
             compute,
             transfer,
-            #[cfg(feature = "view")]
             physical,
+            has_memory_budget,
             submitting: Mutex::new(()),
             has_host_query_reset: offered.host_query_reset,
             statistics,
@@ -391,6 +413,27 @@ impl Gpu {
     /// Bytes that buffers hold now, host-visible ones included.
     pub fn allocated_bytes(&self) -> u64 {
         self.0.allocated_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Bytes of the device's own memory that the program may still take: what the driver says is left, where it has
+    /// VK_EXT_memory_budget, else all there is.
+    pub fn free_bytes(&self) -> u64 {
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
+        if self.0.has_memory_budget {
+            memory = memory.push_next(&mut budget);
+        }
+        // SAFETY: the instance is alive, and the device knows the struct where it has the extension.
+        unsafe {
+            self.0.instance.handle.get_physical_device_memory_properties2(self.0.physical, &mut memory);
+        }
+        let heaps = memory.memory_properties;
+        free_bytes(heaps.memory_heaps_as_slice(), &budget.heap_budget, &budget.heap_usage)
+    }
+
+    /// Of `asked` bytes for sections, what the device has beside pictures: at most 7/8 of what is free.
+    pub fn bytes_for_sections(&self, asked: u64) -> u64 {
+        asked.min(self.free_bytes() / 8 * 7)
     }
 
     /// What the validation layer said so far (warnings and errors).
@@ -452,6 +495,12 @@ impl Drop for Inner {
             {
                 raw.destroy(&self.device);
             }
+            if let Some(kept) = self.kept.as_ref().filter(|_| *self.has_compiled.get_mut())
+                && let Ok(data) = self.device.get_pipeline_cache_data(self.pipeline_cache)
+                && let Err(e) = kept.save(&data)
+            {
+                tracing::debug!("compiled programs are not kept: {e}");
+            }
             self.device.destroy_pipeline_cache(self.pipeline_cache, None);
             ManuallyDrop::drop(self.allocator.get_mut().unwrap_or_else(PoisonError::into_inner));
             self.device.destroy_device(None);
@@ -501,6 +550,19 @@ impl QueuePlan {
         let second = (families[compute as usize].queue_count > 1).then_some((compute, 1));
         Some(QueuePlan { compute, transfer: transfer.or(second) })
     }
+}
+
+/// What is left of the device's own heaps: of their budgets, where those are told (not 0), else of their sizes.
+fn free_bytes(heaps: &[vk::MemoryHeap], budgets: &[u64], used: &[u64]) -> u64 {
+    heaps
+        .iter()
+        .zip(budgets.iter().zip(used))
+        .filter(|(heap, _)| heap.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
+        .map(|(heap, (&budget, &used))| match budget {
+            0 => heap.size,
+            budget => budget.min(heap.size).saturating_sub(used),
+        })
+        .sum()
 }
 
 struct Features {
@@ -759,6 +821,12 @@ impl Drop for Instance {
     }
 }
 
+/// Whether a message of that name is of the validation layer: the loader speaks through the same callback, of drivers and
+/// layers that are newer than it is.
+fn is_of_validation(id: &str) -> bool {
+    id != "Loader Message"
+}
+
 unsafe extern "system" fn on_message(
     _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     _kind: vk::DebugUtilsMessageTypeFlagsEXT,
@@ -767,11 +835,16 @@ unsafe extern "system" fn on_message(
 ) -> vk::Bool32 {
     // SAFETY: the layer passes its own data, and the `Messages` that the messenger was made with,
     // which outlives the instance.
-    let (messages, text) = unsafe {
+    let (messages, id, message) = unsafe {
         let text = |s: Option<&CStr>| s.unwrap_or_default().to_string_lossy().into_owned();
         let (id, message) = ((*data).message_id_name_as_c_str(), (*data).message_as_c_str());
-        (&*user.cast_const().cast::<Messages>(), format!("{}: {}", text(id), text(message)))
+        (&*user.cast_const().cast::<Messages>(), text(id), text(message))
     };
+    let text = format!("{id}: {message}");
+    if !is_of_validation(&id) {
+        tracing::debug!("{text}");
+        return vk::FALSE;
+    }
     tracing::error!("validation: {text}");
     lock(&messages.list).push(text);
     vk::FALSE
@@ -783,6 +856,34 @@ mod tests {
 
     fn family(flags: vk::QueueFlags, count: u32) -> vk::QueueFamilyProperties {
         vk::QueueFamilyProperties { queue_flags: flags, queue_count: count, ..Default::default() }
+    }
+
+    #[test]
+    fn what_others_hold_is_not_free() {
+        const GIB: u64 = 1 << 30;
+        let heap = |size, flags| vk::MemoryHeap { size, flags };
+        let (own, host) = (vk::MemoryHeapFlags::DEVICE_LOCAL, vk::MemoryHeapFlags::empty());
+        let heaps = [heap(8 * GIB, own), heap(64 * GIB, host), heap(GIB / 4, own)];
+        // The driver does not say.
+        assert_eq!(free_bytes(&heaps, &[0; 16], &[0; 16]), 8 * GIB + GIB / 4);
+        // Others have taken most of it, this process a little.
+        assert_eq!(
+            free_bytes(&heaps, &[2 * GIB, 60 * GIB, GIB / 8], &[GIB / 2, GIB, 0]),
+            GIB * 3 / 2 + GIB / 8
+        );
+        // More is held than it should be; a budget that is larger than the heap.
+        assert_eq!(free_bytes(&heaps, &[GIB, GIB, GIB], &[2 * GIB, 0, 0]), GIB / 4);
+        assert_eq!(free_bytes(&heaps[1..2], &[GIB], &[0]), 0);
+    }
+
+    #[test]
+    fn what_the_loader_says_is_no_fault() {
+        assert!(!is_of_validation("Loader Message"));
+        for id in
+            ["VUID-vkCmdDispatch-None-08114", "SYNC-HAZARD-WRITE-AFTER-READ", "UNASSIGNED-Threading-Info", ""]
+        {
+            assert!(is_of_validation(id), "{id}");
+        }
     }
 
     #[test]

@@ -2,8 +2,8 @@
 
 use rspirv::binary::{Consumer, ParseAction, parse_words};
 use rspirv::dr::{Instruction, ModuleHeader, Operand};
-use rspirv::spirv::{Decoration, Op};
-use std::collections::HashMap;
+use rspirv::spirv::{Decoration, Op, StorageClass};
+use std::collections::{HashMap, HashSet};
 
 /// Offset and type of every member, in order.
 pub type Members = Vec<(u32, String)>;
@@ -171,6 +171,95 @@ pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 5] {
         ("plain, POOL_TEXELS", PLAIN_TEXELS),
         ("shade, POOL_TEXELS", SHADE_TEXELS),
     ]
+}
+
+/// How often a shader follows an address, or what it does to the bits of one before.
+fn addresses(words: &[u32]) -> Result<usize, Op> {
+    let mut all = Instructions::default();
+    parse_words(words, &mut all).unwrap();
+    let places: HashSet<u32> = all
+        .0
+        .iter()
+        .filter(|i| i.class.opcode == Op::TypePointer)
+        .filter(|i| i.operands[0] == Operand::StorageClass(StorageClass::PhysicalStorageBuffer))
+        .filter_map(|i| i.result_id)
+        .collect();
+    let made: HashMap<u32, &Instruction> = all.0.iter().filter_map(|i| Some((i.result_id?, i))).collect();
+    let followed = all.0.iter().filter(|i| {
+        i.class.opcode == Op::Bitcast && i.result_type.is_some_and(|kind| places.contains(&kind))
+    });
+    let (mut seen, mut count) = (HashSet::new(), 0);
+    let mut open: Vec<u32> = followed.inspect(|_| count += 1).map(|i| id(&i.operands[0])).collect();
+    while let Some(value) = open.pop() {
+        let Some(by) = made.get(&value).filter(|_| seen.insert(value)) else { continue };
+        match by.class.opcode {
+            // Taken apart, put together, chosen.
+            Op::CompositeExtract
+            | Op::CompositeConstruct
+            | Op::CompositeInsert
+            | Op::VectorShuffle
+            | Op::CopyObject
+            | Op::CopyLogical
+            | Op::Phi
+            | Op::Select => open.extend(by.operands.iter().filter_map(Operand::id_ref_any)),
+            // As it was stored.
+            Op::Load | Op::ImageRead | Op::FunctionParameter | Op::Undef => {}
+            // "No section".
+            Op::ConstantNull | Op::ConstantComposite | Op::Constant => {}
+            // The condition of a choice, and the labels of its ways.
+            Op::Label => {}
+            opcode if is_condition(opcode) => {}
+            opcode => return Err(opcode),
+        }
+    }
+    Ok(count)
+}
+
+/// Whether the result is true or false.
+fn is_condition(opcode: Op) -> bool {
+    use Op::*;
+    let compares = [IEqual, INotEqual, UGreaterThan, SGreaterThan, ULessThan, SLessThan, UGreaterThanEqual];
+    let more =
+        [SGreaterThanEqual, ULessThanEqual, SLessThanEqual, LogicalAnd, LogicalOr, LogicalNot, Any, All];
+    let constants = [ConstantTrue, ConstantFalse, SpecConstantTrue, SpecConstantFalse, SpecConstantOp];
+    compares.contains(&opcode) || more.contains(&opcode) || constants.contains(&opcode)
+}
+
+#[derive(Default)]
+struct Instructions(Vec<Instruction>);
+
+impl Consumer for Instructions {
+    fn initialize(&mut self) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn finalize(&mut self) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn consume_header(&mut self, _: ModuleHeader) -> ParseAction {
+        ParseAction::Continue
+    }
+
+    fn consume_instruction(&mut self, instruction: Instruction) -> ParseAction {
+        self.0.push(instruction);
+        ParseAction::Continue
+    }
+}
+
+#[test]
+fn no_shader_changes_a_bit_of_an_address() {
+    use super::shaders::*;
+    let derive = [("tops", TOPS), ("bridge", BRIDGE), ("pyramid", PYRAMID)];
+    let others = [("thesis", THESIS)];
+    for (name, words) in
+        readers_of_tables().into_iter().chain(readers_of_texels()).chain(derive).chain(others)
+    {
+        match addresses(words) {
+            Ok(count) => assert!(count > 0 || name.ends_with("SSBO"), "{name} follows no address"),
+            Err(changed) => panic!("{name} computes with the bits of an address: {changed:?}"),
+        }
+    }
 }
 
 #[test]

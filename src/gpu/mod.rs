@@ -7,6 +7,7 @@
 
 mod command;
 mod device;
+mod kept;
 #[cfg(test)]
 pub(crate) mod layout;
 mod memory;

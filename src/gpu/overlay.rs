@@ -15,6 +15,11 @@ use super::{Acquired, Buffer, Commands, Gpu, GpuError, MemoryKind, Result, Swapc
 /// Behind everything, encoded: what is left free of the picture.
 const BACKDROP: [f32; 4] = [0.09, 0.10, 0.11, 1.0];
 
+/// An encoded colour's linear value; `linear_of` of `shaders/overlay.frag` is the same.
+fn linear(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
 /// Mirrors the push constants of `shaders/overlay.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -71,7 +76,7 @@ pub struct Overlay {
 impl Overlay {
     /// For the images of `swapchain`.
     pub fn new(gpu: &Gpu, swapchain: &Swapchain) -> Result<Overlay> {
-        let program = Arc::new(Program::new(gpu, swapchain.format())?);
+        let program = Arc::new(Program::new(gpu, swapchain.format(), swapchain.is_linear())?);
         Ok(Overlay { gpu: gpu.clone(), program, textures: HashMap::new(), meshes: Vec::new() })
     }
 
@@ -211,7 +216,8 @@ const STAGES: vk::ShaderStageFlags = vk::ShaderStageFlags::from_raw(
 );
 
 impl Program {
-    fn new(gpu: &Gpu, format: vk::Format) -> Result<Program> {
+    /// `linear`: what is written in `format` is linear.
+    fn new(gpu: &Gpu, format: vk::Format, linear: bool) -> Result<Program> {
         let device = gpu.device();
         let failed = |call: &str, e| GpuError::vulkan(format!("{call} for the overlay"), e);
         let range =
@@ -233,9 +239,13 @@ impl Program {
             let stage = |stage, module| {
                 vk::PipelineShaderStageCreateInfo::default().stage(stage).module(module).name(c"main")
             };
+            let entries =
+                [vk::SpecializationMapEntry { constant_id: 0, offset: 0, size: size_of::<vk::Bool32>() }];
+            let constants = vk::Bool32::from(linear).to_ne_bytes();
+            let constants = vk::SpecializationInfo::default().map_entries(&entries).data(&constants);
             let stages = [
                 stage(vk::ShaderStageFlags::VERTEX, vertex),
-                stage(vk::ShaderStageFlags::FRAGMENT, fragment),
+                stage(vk::ShaderStageFlags::FRAGMENT, fragment).specialization_info(&constants),
             ];
             let input = vk::PipelineVertexInputStateCreateInfo::default();
             let assembly = vk::PipelineInputAssemblyStateCreateInfo::default()
@@ -269,7 +279,7 @@ impl Program {
                 .push_next(&mut rendering)];
             // SAFETY: every pointer in `create` is alive in this scope; the module is not used afterwards.
             unsafe {
-                let made = device.create_graphics_pipelines(vk::PipelineCache::null(), &create, None);
+                let made = device.create_graphics_pipelines(gpu.0.pipeline_cache, &create, None);
                 device.destroy_shader_module(fragment, None);
                 made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines", e))
             }
@@ -298,7 +308,12 @@ impl Commands {
     pub(super) fn rendering<R>(&mut self, image: &Acquired, paint: impl FnOnce(&mut Commands) -> R) -> R {
         let [width, height] = image.size;
         let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
-        let clear = vk::ClearValue { color: vk::ClearColorValue { float32: BACKDROP } };
+        let [red, green, blue, alpha] = BACKDROP;
+        let float32 = match image.is_linear {
+            true => [linear(red), linear(green), linear(blue), alpha],
+            false => BACKDROP,
+        };
+        let clear = vk::ClearValue { color: vk::ClearColorValue { float32 } };
         let attachments = [vk::RenderingAttachmentInfo::default()
             .image_view(image.view)
             .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
@@ -357,6 +372,15 @@ impl Commands {
 mod tests {
     use super::*;
     use crate::gpu::layout::{assert_in, members};
+
+    #[test]
+    fn linear_colours_are_what_encoding_makes_of_them() {
+        for code in 0..=255 {
+            let encoded = code as f32 / 255.0;
+            let again = crate::attribute::linear_to_srgb(linear(encoded));
+            assert!((again - encoded).abs() < 1e-4, "{code}: {again}");
+        }
+    }
 
     #[test]
     fn shaders_see_corners_and_constants_as_they_are_written() {

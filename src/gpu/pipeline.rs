@@ -1,6 +1,7 @@
 //! Compute programs and their buffers.
 
 use std::collections::HashMap;
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, Weak};
 
 use ash::vk;
@@ -323,6 +324,7 @@ impl Program {
             made
         };
         program.handle = made.map_err(|(_, e)| failed("vkCreateComputePipelines", e))?[0];
+        gpu.0.has_compiled.store(true, Ordering::Relaxed);
         gpu.name_object(program.handle, name);
         Ok(program)
     }

@@ -82,12 +82,46 @@ impl Drop for RawSurface {
     }
 }
 
+/// Formats of which what is written is shown as it is, those of most drivers first.
+const PLAIN: [vk::Format; 4] = [
+    vk::Format::B8G8R8A8_UNORM,
+    vk::Format::R8G8B8A8_UNORM,
+    vk::Format::A8B8G8R8_UNORM_PACK32,
+    vk::Format::A2B10G10R10_UNORM_PACK32,
+];
+/// Formats that encode what is written.
+const ENCODING: [vk::Format; 3] =
+    [vk::Format::B8G8R8A8_SRGB, vk::Format::R8G8B8A8_SRGB, vk::Format::A8B8G8R8_SRGB_PACK32];
+
+/// The format to draw in. The drawing has encoded colours, which are best blended so, as the toolkit means it: formats
+/// that would encode them again come after all that do not. Other colour spaces than sRGB come last.
+fn best_of(formats: &[vk::SurfaceFormatKHR]) -> Option<vk::SurfaceFormatKHR> {
+    let rank = |f: &&vk::SurfaceFormatKHR| {
+        let kind = PLAIN.iter().chain(&ENCODING).position(|known| *known == f.format);
+        (f.color_space != vk::ColorSpaceKHR::SRGB_NONLINEAR, kind.unwrap_or(usize::MAX))
+    };
+    let mut best = *formats.iter().min_by_key(rank)?;
+    if best.format == vk::Format::UNDEFINED {
+        // Old drivers say so where any will do.
+        best.format = PLAIN[0];
+    }
+    Some(best)
+}
+
+/// Whether colours that are written in a format are taken to be linear.
+fn wants_linear(format: vk::SurfaceFormatKHR) -> bool {
+    let linear = [vk::ColorSpaceKHR::EXTENDED_SRGB_LINEAR_EXT, vk::ColorSpaceKHR::BT709_LINEAR_EXT];
+    ENCODING.contains(&format.format) || linear.contains(&format.color_space)
+}
+
 /// An image that may be drawn on, until it is presented.
 pub struct Acquired {
     index: u32,
     pub(super) image: vk::Image,
     pub(super) view: vk::ImageView,
     pub(super) size: [u32; 2],
+    /// What is drawn on it must be linear.
+    pub(super) is_linear: bool,
     /// Signalled when the window system is done with the image.
     pub(super) free: vk::Semaphore,
     /// To be signalled when it is drawn.
@@ -153,15 +187,18 @@ impl Swapchain {
         let formats =
             unsafe { surface.loader.get_physical_device_surface_formats(gpu.0.physical, surface.handle) }
                 .map_err(|e| GpuError::vulkan("vkGetPhysicalDeviceSurfaceFormatsKHR", e))?;
-        // The drawing writes encoded colours: formats that would encode them again come last.
-        let plain = [vk::Format::B8G8R8A8_UNORM, vk::Format::R8G8B8A8_UNORM];
-        let best = formats.iter().find(|f| plain.contains(&f.format)).or(formats.first());
-        swapchain.format = *best.ok_or_else(|| no_window("the surface has no format"))?;
+        swapchain.format = best_of(&formats).ok_or_else(|| no_window("the surface has no format"))?;
+        tracing::debug!("window's images: {:?}", swapchain.format);
         Ok(swapchain)
     }
 
     pub(super) fn format(&self) -> vk::Format {
         self.format.format
+    }
+
+    /// Whether what is drawn must be linear: the images, or the window system, encode it.
+    pub(super) fn is_linear(&self) -> bool {
+        wants_linear(self.format)
     }
 
     fn semaphore(&self, name: &str) -> Result<vk::Semaphore> {
@@ -193,7 +230,8 @@ impl Swapchain {
             Ok((index, suboptimal)) => {
                 self.stale |= suboptimal;
                 let (image, view, drawn) = chain.images[index as usize];
-                Ok(Some(Acquired { index, image, view, size: chain.size, free, drawn }))
+                let is_linear = wants_linear(self.format);
+                Ok(Some(Acquired { index, image, view, size: chain.size, is_linear, free, drawn }))
             }
             Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => Ok(None),
             Err(e) => self.outdated("vkAcquireNextImageKHR", e).map(|()| None),
@@ -337,5 +375,42 @@ impl Drop for Swapchain {
             // SAFETY: the device is idle.
             unsafe { self.gpu.device().destroy_semaphore(semaphore, None) };
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vk::{ColorSpaceKHR as Space, Format};
+
+    fn format(format: Format, color_space: Space) -> vk::SurfaceFormatKHR {
+        vk::SurfaceFormatKHR { format, color_space }
+    }
+
+    fn chosen(formats: &[(Format, Space)]) -> Option<(Format, bool)> {
+        let formats: Vec<_> = formats.iter().map(|&(f, s)| format(f, s)).collect();
+        best_of(&formats).map(|best| (best.format, wants_linear(best)))
+    }
+
+    #[test]
+    fn colours_are_encoded_once() {
+        let srgb = Space::SRGB_NONLINEAR;
+        // Whatever is listed first.
+        let both = [(Format::B8G8R8A8_SRGB, srgb), (Format::R8G8B8A8_UNORM, srgb)];
+        assert_eq!(chosen(&both), Some((Format::R8G8B8A8_UNORM, false)));
+        // Ten bits before those that encode, eight bits before ten.
+        let ten = (Format::A2B10G10R10_UNORM_PACK32, srgb);
+        assert_eq!(chosen(&[both[0], ten]), Some((ten.0, false)));
+        assert_eq!(chosen(&[ten, both[1]]), Some((Format::R8G8B8A8_UNORM, false)));
+        // Where there is no other, what is written is linear.
+        assert_eq!(chosen(&both[..1]), Some((Format::B8G8R8A8_SRGB, true)));
+        assert_eq!(chosen(&[(Format::R8G8B8A8_SRGB, srgb)]), Some((Format::R8G8B8A8_SRGB, true)));
+        let float = (Format::R16G16B16A16_SFLOAT, Space::EXTENDED_SRGB_LINEAR_EXT);
+        assert_eq!(chosen(&[float]), Some((float.0, true)));
+        // Another colour space would show other colours.
+        let wide = (Format::B8G8R8A8_UNORM, Space::DISPLAY_P3_NONLINEAR_EXT);
+        assert_eq!(chosen(&[wide, float, both[0]]), Some((Format::B8G8R8A8_SRGB, true)));
+        assert_eq!(chosen(&[(Format::UNDEFINED, srgb)]), Some((Format::B8G8R8A8_UNORM, false)));
+        assert_eq!(chosen(&[]), None);
     }
 }

@@ -14,6 +14,8 @@ pub struct Timestamps {
     counted: u64,
     /// Stages of the work being measured, in order; `None` while none is.
     stages: Option<Vec<&'static str>>,
+    /// Times of pieces of work that the one being measured goes on from, in the order of their stages.
+    before: Vec<(&'static str, f64)>,
 }
 
 struct QueryPool {
@@ -40,6 +42,7 @@ impl Timestamps {
             capacity,
             counted: u64::MAX >> 64u32.saturating_sub(bits).min(63),
             stages: None,
+            before: Vec::new(),
         }))
     }
 
@@ -67,9 +70,23 @@ impl Timestamps {
         commands.timestamp(self.pool.handle, stages.len() as u32);
     }
 
+    /// Waits for `point`, the submit of the measured commands; what is measured next, of the same stages, is added to it.
+    pub fn go_on(&mut self, order: &mut Order, point: SyncPoint) -> Result<()> {
+        self.before = self.resolve(order, point)?;
+        Ok(())
+    }
+
     /// Waits for `point`, the submit of the measured commands; (stage, nanoseconds) in order.
     pub fn resolve(&mut self, order: &mut Order, point: SyncPoint) -> Result<Vec<(&'static str, f64)>> {
         order.wait(point)?;
+        let before = std::mem::take(&mut self.before);
+        let mut times = self.measured()?;
+        times.iter_mut().zip(before).for_each(|((_, ns), (_, before))| *ns += before);
+        Ok(times)
+    }
+
+    /// The last measurement, whose work is done.
+    fn measured(&mut self) -> Result<Vec<(&'static str, f64)>> {
         let Some(stages) = self.stages.take() else { return Ok(Vec::new()) };
         let mut ticks = vec![0u64; stages.len() + 1];
         let (device, flags) = (self.pool.gpu.device(), vk::QueryResultFlags::TYPE_64);

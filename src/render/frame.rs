@@ -825,29 +825,33 @@ impl Renderer {
     }
 
     /// Submits one sample of every pixel and waits for nothing but the frame before the last; nothing is copied
-    /// back. With a `clock` of one stage for each pass, its stages are the passes.
-    ///
-    /// # Panics
-    /// When the picture has more pixels than one submit may trace (2²¹).
+    /// back. A picture of more pixels than one submit may trace (2²¹) goes in bands, each a submit over the one before.
+    /// With a `clock` of one stage for each pass, its stages are the passes, bands added up; each band but the last is then
+    /// waited for.
     pub fn submit_frame(
         &mut self,
         scene: &mut Scene,
         view: &View,
         table: &Arc<Table>,
-        clock: Option<&mut Timestamps>,
+        mut clock: Option<&mut Timestamps>,
     ) -> Result<SyncPoint, FrameError> {
+        check_size(scene.gpu(), view.size)?;
         let rays = self.rays(view)?;
-        assert_eq!(band_rows(view.size), view.size[1], "a picture of one band");
-        let band = Band {
-            first_row: 0,
-            rows: view.size[1],
-            sample: 0,
-            samples: 1,
-            read: false,
-            screen: true,
-            whole: false,
-        };
-        self.submit(scene, view, table, &rays, band, clock)
+        let (height, of_band) = (view.size[1], band_rows(view.size));
+        let mut first_row = 0;
+        loop {
+            let rows = of_band.min(height - first_row);
+            let band =
+                Band { first_row, rows, sample: 0, samples: 1, read: false, screen: true, whole: false };
+            let point = self.submit(scene, view, table, &rays, band, clock.as_deref_mut())?;
+            first_row += rows;
+            if first_row >= height {
+                return Ok(point);
+            }
+            if let Some(clock) = clock.as_deref_mut() {
+                clock.go_on(&mut scene.order, point)?;
+            }
+        }
     }
 
     /// How often the passes of the frames to come run.

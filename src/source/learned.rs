@@ -71,6 +71,11 @@ impl Cache {
         Cache { folder, most_bytes: MOST_BYTES }
     }
 
+    /// The folder, in which others may keep things, too.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// The same with room for so many bytes.
     pub fn with_room(self, most_bytes: u64) -> Cache {
         Cache { most_bytes, ..self }

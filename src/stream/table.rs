@@ -19,22 +19,23 @@ pub struct Node {
     pub top: u32,
     /// Level; of sections also the detail level of what is shown << 16.
     pub meta: u32,
-    /// Where its pyramid lies: its device address (or word), low half first; the highest bit is set where codes are wide.
+    /// Where its pyramid lies: its device address (or word), low half first. Drivers hand out addresses of all 64 bits
+    /// (RADV's begin at 0xffff800000000000), so none of them can mean anything else.
     pub pyramid: [u32; 2],
     /// Lattice height of code 0, from the anchor.
     pub base: i32,
+    /// 1 where codes are wide.
+    pub wide: u32,
     /// Slots of the sections of its size and detail to the east, west, north and south; all ones where there is none.
     pub beside: [u32; 4],
     /// Up to a cache line.
-    pub pad: [u32; 5],
+    pub pad: [u32; 4],
 }
 
 const _: () = assert!(size_of::<Node>() == 64);
 
 /// In `top`.
 const SECTION: u32 = 1;
-/// In the second word of `pyramid`: no address reaches so high.
-const WIDE: u32 = 1 << 31;
 
 /// The f32 at or above `top` whose last bit is `section`.
 fn marked(top: f32, section: u32) -> u32 {
@@ -48,8 +49,9 @@ const UNUSED: Node = Node {
     meta: 0,
     pyramid: [0; 2],
     base: 0,
+    wide: 0,
     beside: [u32::MAX; 4],
-    pad: [0; 5],
+    pad: [0; 4],
 };
 
 /// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
@@ -143,8 +145,9 @@ impl Table {
                 key: key(level, index),
                 meta: level | u32::from(e.detail) << 16,
                 top: marked(top, SECTION),
-                pyramid: [e.pyramid[0], e.pyramid[1] | if e.code.wide { WIDE } else { 0 }],
+                pyramid: e.pyramid,
                 base: e.code.base.wrapping_sub(anchor.0),
+                wide: u32::from(e.code.wide),
                 ..UNUSED
             };
             let other = nodes.insert((level, index), node);
@@ -203,7 +206,7 @@ mod tests {
 
     #[test]
     fn shaders_see_nodes_as_they_are_written() {
-        assert_in(&readers_of_tables(), &members!(Node { key, top, meta, pyramid, base, beside, pad }));
+        assert_in(&readers_of_tables(), &members!(Node { key, top, meta, pyramid, base, wide, beside, pad }));
         // Where they are texels, `node_word` counts words.
         let words = [
             std::mem::offset_of!(Node, key),
@@ -211,10 +214,11 @@ mod tests {
             std::mem::offset_of!(Node, meta),
             std::mem::offset_of!(Node, pyramid),
             std::mem::offset_of!(Node, base),
+            std::mem::offset_of!(Node, wide),
             std::mem::offset_of!(Node, beside),
             size_of::<Node>(),
         ];
-        assert_eq!(words, [0, 2, 3, 4, 6, 7, 16].map(|word| 4 * word));
+        assert_eq!(words, [0, 2, 3, 4, 6, 7, 8, 16].map(|word| 4 * word));
     }
 
     fn entry(i: i32, j: i32, top: i32) -> Entry {
@@ -262,6 +266,25 @@ mod tests {
         assert!(find(&table, 8, [33, 0]).is_none());
         // 40 sections reach over at most two nodes of 32.
         assert!(table.top_level <= 14, "{}", table.top_level);
+    }
+
+    #[test]
+    fn places_keep_all_their_bits() {
+        for (k, address) in
+            [0xffff_8000_0000_1000u64, u64::MAX, 1 << 63, 0x7fff_0000_0000].into_iter().enumerate()
+        {
+            for wide in [false, true] {
+                let code = HeightCode { base: 7, wide };
+                let pyramid = [address as u32, (address >> 32) as u32];
+                let entry = Entry { pyramid, code, ..entry(k as i32, 0, 9) };
+                let node = find(&Table::build(&[entry], Height(0)), 8, [k as i32, 0]).unwrap();
+                assert_eq!(
+                    (node.pyramid, node.wide, node.base),
+                    (pyramid, u32::from(wide), 7),
+                    "{address:x}"
+                );
+            }
+        }
     }
 
     #[test]

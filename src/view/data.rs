@@ -188,7 +188,7 @@ impl Data {
         options: Options,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> anyhow::Result<Data> {
-        let budget = options.device_bytes.min(gpu.info().memory_bytes / 8 * 7);
+        let budget = gpu.bytes_for_sections(options.device_bytes);
         let options = Options { device_bytes: budget, ..options };
         let scene = Scene::new(gpu, |order| order, access(gpu, budget), budget, options.visibility, NO_GRID)?;
         let mut data = Data {

@@ -1,5 +1,12 @@
 //! Vulkan as the tests need it: a named driver, the newer validation layer, two queue families.
 //!
+//! Variables choose another reference driver than lavapipe:
+//!
+//! - `LASRAY_TEST_ICD`: the manifest of a driver (`/usr/share/vulkan/icd.d/NAME.json`), to run the suite on a GPU.
+//! - `LASRAY_TEST_QUEUES`: `eager`, `late1` or `late0`: the reference driver is seen through the two-queues layer in that
+//!   order, as if it were a GPU with a transfer family.
+//! - `LASRAY_VALIDATION_LAYER_DIR`: folder with the manifest of a newer validation layer.
+//!
 //! The loader reads its environment when it is opened, so each setup is a child process: the test binary
 //! runs itself for one test, with that environment.
 #![allow(dead_code)] // each test file uses its part
@@ -9,6 +16,8 @@ use std::process::Command;
 use std::{env, fs};
 
 const CHILD: &str = "LASRAY_TEST_SETUP";
+const ICD: &str = "LASRAY_TEST_ICD";
+const QUEUES: &str = "LASRAY_TEST_QUEUES";
 const DRIVERS: [&str; 4] = [
     "/usr/share/vulkan/icd.d",
     "/usr/local/share/vulkan/icd.d",
@@ -28,7 +37,7 @@ const OLDEST_LAYER_WITH_QUEUE_SYNC: [u32; 3] = [1, 3, 290];
 /// Which driver a test runs on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Driver {
-    /// The reference: Mesa's, or what the system picks where Mesa's is not installed.
+    /// The reference: what `LASRAY_TEST_ICD` names, else Mesa's, else what the system picks.
     Lavapipe,
     /// The second one.
     SwiftShader,
@@ -40,7 +49,7 @@ pub enum Driver {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Setup {
     pub driver: Driver,
-    /// Order of the layer that shows two queue families; `None`: the driver as it is.
+    /// Order of the layer that shows two queue families; `None`: the driver as it is, which may have as many.
     pub two_queues: Option<&'static str>,
     /// Files that a disk fails to read: a part of their paths, and the first byte of those that fail.
     pub failing: Option<(&'static str, u64)>,
@@ -62,15 +71,27 @@ const fn with_order(order: &'static str) -> Setup {
 impl Setup {
     /// Opens the device under validation.
     pub fn gpu(self) -> lasray::gpu::Gpu {
-        self.try_gpu().unwrap_or_else(|e| panic!("{self:?}: {e}"))
+        self.gpu_with(None)
     }
 
-    fn try_gpu(self) -> lasray::gpu::Result<lasray::gpu::Gpu> {
-        let layers = self.two_queues.map(|_| "VK_LAYER_TEST_two_queues".to_owned());
+    /// The same, compiled programs being kept in a folder.
+    pub fn gpu_with(self, cache: Option<PathBuf>) -> lasray::gpu::Gpu {
+        self.try_gpu(cache).unwrap_or_else(|e| panic!("{self:?}: {e}"))
+    }
+
+    /// Order of the two-queues layer, if it is there.
+    pub fn queue_order(self) -> Option<String> {
+        let chosen = || env::var(QUEUES).ok().filter(|_| self.driver == Driver::Lavapipe);
+        self.two_queues.map(str::to_owned).or_else(chosen)
+    }
+
+    fn try_gpu(self, cache: Option<PathBuf>) -> lasray::gpu::Result<lasray::gpu::Gpu> {
+        let layers = self.queue_order().map(|_| "VK_LAYER_TEST_two_queues".to_owned());
         lasray::gpu::Gpu::new(&lasray::gpu::GpuOptions {
             device: None,
             validate: true,
             layers: layers.into_iter().collect(),
+            cache,
             ..Default::default()
         })
     }
@@ -122,7 +143,7 @@ fn environment(setup: Setup) -> Option<Vec<(&'static str, String)>> {
     // Without it synchronization validation leaves out what shaders do with storage buffers.
     let mut set = vec![("VK_LAYER_SYNCVAL_SHADER_ACCESSES_HEURISTIC", "1".to_owned())];
     let driver = match setup.driver {
-        Driver::Lavapipe => find(&DRIVERS, "lvp_icd"),
+        Driver::Lavapipe => env::var_os(ICD).map(PathBuf::from).or_else(|| find(&DRIVERS, "lvp_icd")),
         Driver::None => Some(PathBuf::from("/nowhere.json")),
         Driver::SwiftShader => {
             Some(Path::new(CHROMIUM).join("vk_swiftshader_icd.json")).filter(|p| p.is_file())
@@ -142,8 +163,10 @@ fn environment(setup: Setup) -> Option<Vec<(&'static str, String)>> {
     layers.extend(
         newer_layer().or_else(|| Some(find(&LAYERS, "VkLayer_khronos_validation")?.parent()?.to_owned())),
     );
-    if let Some(order) = setup.two_queues {
-        set.push(("TWO_QUEUES", order.to_owned()));
+    let order = setup.queue_order();
+    let in_order = order.is_some();
+    if let Some(order) = order {
+        set.push(("TWO_QUEUES", order));
         layers.push(two_queues_manifest());
     }
     if let Some((path, from)) = setup.failing {
@@ -151,11 +174,7 @@ fn environment(setup: Setup) -> Option<Vec<(&'static str, String)>> {
         set.push(("FAILING_DISK", path.to_owned()));
         set.push(("FAILING_DISK_FROM", from.to_string()));
     }
-    let variable = if layers.len() == usize::from(setup.two_queues.is_some()) {
-        "VK_ADD_LAYER_PATH"
-    } else {
-        "VK_LAYER_PATH"
-    };
+    let variable = if layers.len() == usize::from(in_order) { "VK_ADD_LAYER_PATH" } else { "VK_LAYER_PATH" };
     set.push((variable, env::join_paths(layers).unwrap().into_string().unwrap()));
     Some(set)
 }

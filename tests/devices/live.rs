@@ -324,9 +324,10 @@ fn files_that_fail_are_named_once_and_the_rest_goes_on() {
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
         let without = all_sections(&paths[1..]);
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
-        // Gone after it was opened, maybe after its sample was taken.
+        // Gone after it was opened, before anyone reads it for good: threads do so from the start.
+        let opening = load::open(&paths, &options(), &mut Problems::default()).unwrap();
         fs::remove_file(&paths[0]).unwrap();
+        let mut world = World::of(&gpu, opening, PLENTY, Access::Address, BRIDGED());
         let above = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), SIZE).unwrap();
         let sight = world.sight(&above, 0.3);
         let status = world.complete(&sight);
@@ -338,12 +339,13 @@ fn files_that_fail_are_named_once_and_the_rest_goes_on() {
 
         // Broken in the middle: what is before and behind it stays.
         let mut bytes = fs::read(&paths[1]).unwrap();
-        let mut world = World::open(&gpu, &paths[1..], PLENTY, Access::Address, BRIDGED());
+        let opening = load::open(&paths[1..], &options(), &mut Problems::default()).unwrap();
         let middle = bytes.len() / 2;
         bytes[middle..middle + 4000].fill(0xFF);
         let modified = fs::metadata(&paths[1]).unwrap().modified().unwrap();
         fs::write(&paths[1], bytes).unwrap();
         fs::File::options().write(true).open(&paths[1]).unwrap().set_modified(modified).unwrap();
+        let mut world = World::of(&gpu, opening, PLENTY, Access::Address, BRIDGED());
         world.complete(&sight);
         world.live.take_errors().iter().for_each(|error| assert!(error.contains("b.laz"), "{error}"));
         assert!(world.picture(&above).distance.iter().filter(|d| d.is_finite()).count() > 1000);

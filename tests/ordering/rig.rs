@@ -11,6 +11,7 @@ use lasray::gpu::{
 
 use crate::model::{Agent, Step, Touch};
 
+#[allow(dead_code)] // each test binary uses its part
 mod shaders {
     include!(concat!(env!("OUT_DIR"), "/test_shaders.rs"));
 }

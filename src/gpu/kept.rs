@@ -1,0 +1,160 @@
+//! Compiled programs, kept from run to run in a file of the user's cache folder: many drivers compile for a second at each
+//! start otherwise. Never needed: what is missing, damaged or another driver's is as if there were none.
+//!
+//! One file for each device, named by vendor and device, little endian:
+//!
+//! | bytes | |
+//! |---|---|
+//! | 8 | "LASRAYPC" |
+//! | 4, 4, 4, 4 | version of this layout, vendor, device, version of the driver |
+//! | 16 | `pipelineCacheUUID` |
+//! | … | what the driver gave (`vkGetPipelineCacheData`) |
+//! | 8 | XXH3 of all before |
+//!
+//! It is written whole or not at all.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use ash::vk;
+use xxhash_rust::xxh3::xxh3_64;
+
+const MAGIC: &[u8; 8] = b"LASRAYPC";
+const VERSION: u32 = 1;
+/// Bytes of the checksum.
+const SUM: usize = 8;
+/// Most bytes of a file. Programs of versions that are gone pile up in it: when it is full it begins anew.
+const MOST_BYTES: usize = 32 << 20;
+/// What the folder's other files are named like while they are being written, so that what a crash leaves is found.
+const UNFINISHED: [&str; 2] = ["lasray-", ".part"];
+
+/// The place where a device's programs are kept.
+pub(super) struct Kept {
+    path: PathBuf,
+    /// What the file must begin with.
+    key: Vec<u8>,
+    /// Digest of the data that was there.
+    loaded: Option<u64>,
+}
+
+impl Kept {
+    /// For the device of `properties`, in `folder`.
+    pub fn of(folder: &Path, properties: &vk::PhysicalDeviceProperties) -> Kept {
+        let vk::PhysicalDeviceProperties { vendor_id, device_id, driver_version, .. } = *properties;
+        let mut key = MAGIC.to_vec();
+        for number in [VERSION, vendor_id, device_id, driver_version] {
+            key.extend(number.to_le_bytes());
+        }
+        key.extend(properties.pipeline_cache_uuid);
+        Kept { path: folder.join(format!("{vendor_id:08x}-{device_id:08x}.pipelines")), key, loaded: None }
+    }
+
+    /// What was kept by this very driver.
+    pub fn load(&mut self) -> Option<Vec<u8>> {
+        let least = self.key.len() + SUM;
+        let len = fs::metadata(&self.path).ok().filter(fs::Metadata::is_file)?.len();
+        if !(least as u64..=MOST_BYTES as u64).contains(&len) {
+            return None;
+        }
+        let raw = fs::read(&self.path).ok().filter(|raw| raw.len() >= least && raw.starts_with(&self.key))?;
+        let (body, sum) = raw.split_at(raw.len() - SUM);
+        if xxh3_64(body).to_le_bytes() != sum {
+            return None;
+        }
+        let data = body[self.key.len()..].to_vec();
+        self.loaded = Some(xxh3_64(&data));
+        Some(data)
+    }
+
+    /// Keeps `data`, unless that is what was loaded.
+    pub fn save(&self, data: &[u8]) -> io::Result<()> {
+        if self.loaded == Some(xxh3_64(data)) {
+            return Ok(());
+        }
+        if self.key.len() + data.len() + SUM > MOST_BYTES {
+            return match fs::remove_file(&self.path) {
+                Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+                _ => Ok(()),
+            };
+        }
+        let folder = self.path.parent().unwrap_or(Path::new("."));
+        fs::create_dir_all(folder)?;
+        let mut raw = [&self.key, data].concat();
+        raw.extend(xxh3_64(&raw).to_le_bytes());
+        let [prefix, suffix] = UNFINISHED;
+        let mut file = tempfile::Builder::new().prefix(prefix).suffix(suffix).tempfile_in(folder)?;
+        // A power cut may leave less than that: the checksum tells.
+        file.write_all(&raw)?;
+        file.persist(&self.path).map_err(|error| error.error)?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn properties() -> vk::PhysicalDeviceProperties {
+        let (vendor_id, device_id, driver_version) = (0x1002, 0x73bf, 7);
+        vk::PhysicalDeviceProperties { vendor_id, device_id, driver_version, ..Default::default() }
+    }
+
+    fn load(folder: &Path, properties: &vk::PhysicalDeviceProperties) -> Option<Vec<u8>> {
+        Kept::of(folder, properties).load()
+    }
+
+    #[test]
+    fn what_is_kept_is_there_again_for_this_driver_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("in").join("it");
+        assert_eq!(load(&path, &properties()), None);
+        Kept::of(&path, &properties()).save(&[7; 1000]).unwrap();
+        assert_eq!(load(&path, &properties()), Some(vec![7; 1000]));
+        let mut other_uuid = properties();
+        other_uuid.pipeline_cache_uuid[15] = 1;
+        let newer = vk::PhysicalDeviceProperties { driver_version: 8, ..properties() };
+        let other_device = vk::PhysicalDeviceProperties { device_id: 1, ..properties() };
+        for other in [other_uuid, newer, other_device] {
+            assert_eq!(load(&path, &other), None);
+        }
+        // The driver was replaced: its programs take the place of the old ones.
+        Kept::of(&path, &newer).save(&[8; 10]).unwrap();
+        assert_eq!((load(&path, &newer), load(&path, &properties())), (Some(vec![8; 10]), None));
+        assert_eq!(fs::read_dir(&path).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn what_is_damaged_is_not_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let kept = Kept::of(folder.path(), &properties());
+        kept.save(&[7; 100]).unwrap();
+        let whole = fs::read(&kept.path).unwrap();
+        for at in 0..whole.len() {
+            let mut damaged = whole.clone();
+            damaged[at] ^= 4;
+            fs::write(&kept.path, damaged).unwrap();
+            assert_eq!(load(folder.path(), &properties()), None, "byte {at}");
+            fs::write(&kept.path, &whole[..at]).unwrap();
+            assert_eq!(load(folder.path(), &properties()), None, "cut at {at}");
+        }
+        fs::write(&kept.path, &whole).unwrap();
+        assert_eq!(load(folder.path(), &properties()), Some(vec![7; 100]));
+    }
+
+    #[test]
+    fn it_is_written_when_there_is_something_new_and_never_grows_without_bound() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut kept = Kept::of(folder.path(), &properties());
+        kept.save(b"one").unwrap();
+        kept.load().unwrap();
+        fs::remove_file(&kept.path).unwrap();
+        kept.save(b"one").unwrap();
+        assert!(!kept.path.exists(), "nothing was new");
+        kept.save(b"two").unwrap();
+        assert!(kept.path.exists());
+        kept.save(&vec![1; MOST_BYTES]).unwrap();
+        assert!(!kept.path.exists(), "what is too large begins anew");
+        kept.save(&vec![1; MOST_BYTES]).unwrap();
+    }
+}
