@@ -375,22 +375,34 @@ fn read_places(
     places: &[Place],
     problems: &mut Vec<(usize, SourceError)>,
 ) -> Vec<Vec<Seen>> {
-    let read = parallel(places.len(), |decoder, index| {
-        let place = &places[index];
-        let file = &files[place.file].file;
-        let (mut seen, mut errors) = (Vec::new(), Vec::new());
-        for &(chunk, records) in &place.chunks {
-            let sink = &mut |block: &PointBlock| append(block, &mut seen);
-            errors.extend(decoder.decode(file, &file.chunks[chunk], 0..records, sink).err());
+    // Chunk by chunk: two tiles of a few chunks keep all cores busy.
+    let jobs: Vec<(usize, usize, u64)> = places
+        .iter()
+        .enumerate()
+        .flat_map(|(place, at)| at.chunks.iter().map(move |&(chunk, records)| (place, chunk, records)))
+        .collect();
+    let left: Vec<AtomicUsize> = places.iter().map(|place| AtomicUsize::new(place.chunks.len())).collect();
+    let read = parallel(jobs.len(), |decoder, index| {
+        let (place, chunk, records) = jobs[index];
+        let file = &files[places[place].file].file;
+        let mut seen = Vec::new();
+        let sink = &mut |block: &PointBlock| append(block, &mut seen);
+        let error = decoder.decode(file, &file.chunks[chunk], 0..records, sink).err();
+        if left[place].fetch_sub(1, Ordering::Relaxed) == 1 {
+            file.bytes.release();
         }
-        file.bytes.release();
-        (seen, errors)
+        (seen, error)
     });
-    let unpacked = places.iter().zip(read).map(|(place, (seen, errors))| {
-        problems.extend(errors.into_iter().map(|error| (place.file, error)));
-        seen
-    });
-    unpacked.collect()
+    let mut of_places = vec![Vec::new(); places.len()];
+    for ((place, ..), (seen, error)) in jobs.into_iter().zip(read) {
+        problems.extend(error.map(|error| (places[place].file, error)));
+        if of_places[place].is_empty() {
+            of_places[place] = seen;
+        } else {
+            of_places[place].extend(seen);
+        }
+    }
+    of_places
 }
 
 /// RGB of sampled points a file; where those are few, of some more.
