@@ -9,4 +9,4 @@ command -v cs2cs >/dev/null || missing=(proj-bin)
 # shellcheck disable=SC2046 # one word a package
 install $(missing_to_render | tr ' ' '\n' | sort -u) ${missing[@]+"${missing[@]}"}
 install_rust
-LASRAY_CS2CS=1 cargo test --locked --test coordinate_systems -- cs2cs --nocapture
+LASRAY_CS2CS=1 cargo test --locked --test sources -- cs2cs --nocapture

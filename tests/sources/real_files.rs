@@ -1,9 +1,7 @@
 //! Real files: the points are those that the `las` crate reads, and bad files give what can be had.
 
-mod made;
-
+use crate::made::{append, columns, data_dir, decode_all, las_crate_files, lidar_files};
 use lasray::source::{Decoder, LidarFile, PointBlock};
-use made::{append, columns, data_dir, decode_all, las_crate_files, lidar_files};
 use std::path::Path;
 
 /// Expects that `path` is sound and that its columns are those of `las`'s raw records.

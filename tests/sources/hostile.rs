@@ -1,7 +1,5 @@
 //! Files made to hurt: each is refused or read in part, and none takes the process down.
 
-mod made;
-
 use lasray::coords::{Grid, HEIGHT_STEP};
 use lasray::sample::{self, RgbDepth};
 use lasray::source::placement::{Placement, PlacementOptions};
@@ -103,7 +101,7 @@ fn read(file: LidarFile) -> (u64, Vec<String>) {
 fn a_file_that_vanishes_or_changes_is_named_once() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("gone.laz");
-    let bytes = made::Made::new(3, made::Packing::Fixed(50), 500).bytes();
+    let bytes = crate::made::Made::new(3, crate::made::Packing::Fixed(50), 500).bytes();
     let write = || std::fs::write(&path, &bytes).unwrap();
 
     // Between the index and the first chunk.
@@ -147,7 +145,7 @@ fn a_file_that_vanishes_or_changes_is_named_once() {
 fn a_fault_of_the_program_is_named() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("fault.las");
-    std::fs::write(&path, made::Made::new(3, made::Packing::Plain, 500).bytes()).unwrap();
+    std::fs::write(&path, crate::made::Made::new(3, crate::made::Packing::Plain, 500).bytes()).unwrap();
     let mut file = LidarFile::open(&path).unwrap();
     file.header.record_len = 0;
     let (points, errors) = read(file);

@@ -1,13 +1,11 @@
 //! The opening sample of real files against the same decisions from every point.
 
-mod made;
-
+use crate::made::{Made, Packing};
 use lasray::attribute::ColorMode;
 use lasray::sample::{self, Budget, CellChoice, Opened, Patch, RgbDepth, Sample};
 use lasray::source::inputs;
 use lasray::source::placement::PlacementOptions;
 use lasray::source::{Decoder, LidarFile};
-use made::{Made, Packing};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 

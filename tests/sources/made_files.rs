@@ -1,9 +1,7 @@
 //! Files made in memory, in every format and packing: what comes out is what went in.
 
-mod made;
-
+use crate::made::{FORMAT_LEN, Made, Packing, append, columns, compatible, data_dir, decode_all};
 use lasray::source::{Chunk, Decoder, LayerMemory, LidarFile, PointBlock, SourceError, Warning};
-use made::{FORMAT_LEN, Made, Packing, append, columns, compatible, data_dir, decode_all};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -430,7 +428,7 @@ fn a_compatibility_mode_that_cannot_be_is_said_to_be() {
     assert!(warnings(&made).2.contains("20 bytes, at least 156 are needed"));
     let mut made = good();
     // A first entry of which the record has no room.
-    made.vlrs[0].2.splice(0..0, made::extra_entry(10, 0, "wide"));
+    made.vlrs[0].2.splice(0..0, crate::made::extra_entry(10, 0, "wide"));
     assert!(warnings(&made).2.contains("of a record of 33: points are read as format 1"));
     // Cut out of a larger file by a program that carries records along.
     let mut made = good();
@@ -606,7 +604,7 @@ fn the_las_writer_is_understood() {
             let dir = tempfile::tempdir().unwrap();
             let path = dir.path().join(if compressed { "w.laz" } else { "w.las" });
             let len = usize::from(FORMAT_LEN[usize::from(format)]);
-            let raw = made::records(format, 0, 60_000);
+            let raw = crate::made::records(format, 0, 60_000);
             let points =
                 las::PointDataBuilder::new().for_header(&header).build_from_bytes(raw.clone()).unwrap();
             let mut writer = las::Writer::from_path(&path, header).unwrap();

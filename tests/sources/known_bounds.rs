@@ -1,12 +1,8 @@
 //! What is known of chunks before they are read: what was learned before, and spatial indices. Both are believed only
 //! as far as they can be true.
 
-#[path = "common/lax.rs"]
-mod lax_writer;
-mod made;
-#[path = "common/scene.rs"]
-mod scene;
-
+use crate::lax_writer::Lax;
+use crate::made::{Made, Packing};
 use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
 use lasray::source::known::{Known, RawBounds, Told};
@@ -15,8 +11,6 @@ use lasray::source::learned::Cache;
 use lasray::source::placement::PlacementOptions;
 use lasray::source::{Decoder, LidarFile, PointBlock};
 use lasray::stream::bins::Budget;
-use lax_writer::Lax;
-use made::{Made, Packing};
 use proptest::prelude::*;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,7 +18,7 @@ use std::time::{Duration, SystemTime};
 
 /// 200,000 points in five chunks.
 fn tile(folder: &Path, name: &str) -> LidarFile {
-    LidarFile::open(&scene::town(folder, name, [-80.0, -80.0], 160.0)).unwrap()
+    LidarFile::open(&crate::scene::town(folder, name, [-80.0, -80.0], 160.0)).unwrap()
 }
 
 /// The bounds of each chunk, from its points.
@@ -221,7 +215,7 @@ fn an_index_tells_where_chunks_lie() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["a.laz", "B.LAS"] {
         let file = tile(folder.path(), name);
-        let points = lax_writer::points(&file);
+        let points = crate::lax_writer::points(&file);
         assert!(all_of(&lax::look_up(&file).unwrap(), &file).iter().all(Option::is_none));
         let path = if name == "B.LAS" { file.path().with_extension("LAX") } else { beside(&file) };
         let usual = Lax::of(&points, 5, 0);
@@ -251,7 +245,7 @@ fn an_index_tells_where_chunks_lie() {
 fn an_index_within_the_file_is_found() {
     let folder = tempfile::tempdir().unwrap();
     let file = tile(folder.path(), "a.laz");
-    let index = Lax::of(&lax_writer::points(&file), 4, 0).bytes();
+    let index = Lax::of(&crate::lax_writer::points(&file), 4, 0).bytes();
     let sound = fs::read(file.path()).unwrap();
     let mut record = vec![0u8; 60];
     record[2..10].copy_from_slice(b"LAStools");
@@ -291,7 +285,7 @@ fn small(folder: &Path) -> (LidarFile, Vec<u8>) {
     let path = folder.join("small.laz");
     fs::write(&path, Made::new(3, Packing::Fixed(50), 500).bytes()).unwrap();
     let file = LidarFile::open(&path).unwrap();
-    let index = Lax::of(&lax_writer::points(&file), 1, 3).bytes();
+    let index = Lax::of(&crate::lax_writer::points(&file), 1, 3).bytes();
     (file, index)
 }
 
@@ -330,7 +324,7 @@ fn broken_indices_are_named_and_left_alone() {
         assert!(error.contains(says), "{at}: {error}");
     }
     // Of another file: fewer points than there are.
-    let points = lax_writer::points(&file);
+    let points = crate::lax_writer::points(&file);
     let error = look_up(&Lax::of(&points[..400], 1, 0).bytes()).unwrap_err().to_string();
     assert!(error.contains("record 400 of 500 is in no cell"), "{error}");
     // Older than the file.
@@ -417,7 +411,7 @@ fn opening_sees_what_is_wrong() {
     assert!(all_of(&cache.load(&file), &file).iter().all(Option::is_none), "it is forgotten");
 
     // An index, of which one chunk is known better.
-    let points = lax_writer::points(&file);
+    let points = crate::lax_writer::points(&file);
     fs::write(beside(&file), Lax::of(&points, 4, 0).bytes()).unwrap();
     let mut part = vec![None; chunks];
     part[2] = bounds(&file)[2];
