@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # pack.sh [FOLDER]: packs what a bare x86-64 Linux machine with a GPU's driver, and nothing else, needs to run lasray, its
 # benchmarks and its tests on that GPU. Run it on Debian or Ubuntu; copy FOLDER (default target/gpu, some 25 MB) there and
-# start FOLDER/run.sh. TESTS: names of test binaries (default: those that use a device).
+# start FOLDER/run.sh, for which `trace` is the laboratory of benches/trace.rs. TESTS: names of test binaries (default: those that use a device).
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 out=${1:-target/gpu}
@@ -31,6 +31,10 @@ JSON
 cargo build --release --locked --quiet
 target=$(cargo metadata --format-version 1 --no-deps | python3 -c 'import json, sys; print(json.load(sys.stdin)["target_directory"])')
 cp "$target/release/lasray" "$own/"
+cp "$(cargo bench --locked --no-run --bench trace --message-format=json 2>/dev/null | python3 -c '
+import json, sys
+print(next(m["executable"] for m in map(json.loads, sys.stdin)
+           if m.get("reason") == "compiler-artifact" and m["target"]["name"] == "trace"))')" "$own/trace"
 
 # Tests find the program, their libraries and their temporary folder by the absolute paths that they were built at.
 mapfile -t built < <(cargo test --workspace --locked --no-run --message-format=json 2>/dev/null | python3 -c '

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # run.sh [tests] [-- COMMAND]: on the machine with the GPU, as root. Unpacks what pack.sh packed (into /opt/lasray, and the
-# tests where they were built), shows the devices, runs the tests on the GPU, then COMMAND, a shell line that finds `lasray`:
+# tests where they were built), shows the devices, runs the tests on the GPU, then COMMAND, a shell line that finds `lasray` and `trace`:
 #
 #   bash run.sh tests -- 'lasray bench --json bench.json'
 #
