@@ -40,8 +40,11 @@ fn table() -> (Vec<Entry>, Table) {
     (entries, table)
 }
 
+/// The kind of each binding.
+type Kinds = fn(usize) -> BindingKind;
+
 /// What each slot says by the shader that is given so.
-fn decoded(gpu: &Gpu, table: &Table, words: &'static [u32], kind: fn(usize) -> BindingKind) -> Vec<[u32; 4]> {
+fn decoded(gpu: &Gpu, table: &Table, words: &'static [u32], kind: Kinds) -> Vec<[u32; 4]> {
     let slots: &[u8] = bytemuck::cast_slice(&table.slots);
     let bytes = 16 * table.slots.len() as u64;
     let upload = |name, size| Buffer::new(gpu, name, MemoryKind::Upload, size).unwrap();
@@ -93,7 +96,7 @@ fn places_keep_all_their_bits() {
             let of = |node: &Node| [node.pyramid[0], node.pyramid[1], node.base as u32, node.wide];
             let on_host: Vec<_> = table.slots.iter().map(of).collect();
             assert!(named.iter().all(|section| on_host.contains(section)));
-            let variants: [(&'static [u32], fn(usize) -> BindingKind); 3] = [
+            let variants: [(&'static [u32], Kinds); 3] = [
                 (shaders::TABLE, |_| BindingKind::Uniform),
                 (shaders::TABLE_TEXELS, |k| if k == 0 { BindingKind::Uniform } else { BindingKind::Texels }),
                 (shaders::TABLE_SSBO, |k| if k == 2 { BindingKind::Uniform } else { BindingKind::Storage }),
