@@ -157,6 +157,8 @@ fn variants(usual: Access) -> Vec<Variant> {
         add(name.into(), usual, Traversal::Fast, shade, base);
         let no_beams = PassOptions { beams: false, ..base };
         add(format!("{name}, no beams"), usual, Traversal::Fast, shade, no_beams);
+        let of_card = PassOptions::of(DeviceKind::Discrete);
+        add(format!("{name}, as on a card"), usual, Traversal::Fast, shade, of_card);
         for (what, options) in shapes.iter().chain(&beam_shapes) {
             add(format!("{name}{what}"), usual, Traversal::Fast, shade, *options);
         }

@@ -5,8 +5,8 @@ use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
 use crate::coords::{CELL_LIMIT, Grid, Height, SectionKey, power_of_two_at_most};
 use crate::gpu::{
-    Binding, BindingCache, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError,
-    MemoryKind, Recipe, SyncPoint, Timestamps, shaders,
+    Binding, BindingCache, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, DeviceKind, Gpu,
+    GpuError, MemoryKind, Recipe, SyncPoint, Timestamps, shaders,
 };
 use crate::stream::live::Live;
 use crate::stream::pool::Access;
@@ -483,6 +483,13 @@ impl Default for PassOptions {
 }
 
 impl PassOptions {
+    /// What is fastest on devices of a kind. Beams and dealt groups suit CPU drivers; on a graphics card the two beam passes
+    /// have few threads, each a long chain of loads, and cost more than they save: see `docs/performance.md`.
+    pub fn of(kind: DeviceKind) -> PassOptions {
+        let is_cpu = kind == DeviceKind::Cpu;
+        PassOptions { beams: is_cpu, dealt: is_cpu, ..PassOptions::default() }
+    }
+
     /// The programs of a picture's passes, in their order.
     pub fn recipes(self, access: Access, traversal: Traversal, shade: Shade) -> Vec<Recipe> {
         let [wide_beams, beams, trace, shading] = passes(access, self);
@@ -624,8 +631,8 @@ fn plain(access: Access, options: PassOptions) -> Recipe {
 /// Programs of a window's pictures: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
 /// and pictures quick.
 #[cfg(feature = "view")]
-pub fn recipes(access: Access) -> [Vec<Recipe>; 2] {
-    let options = PassOptions::default();
+pub fn recipes(kind: DeviceKind, access: Access) -> [Vec<Recipe>; 2] {
+    let options = PassOptions::of(kind);
     let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.recipe(access, options));
     [passes(access, options).into(), exact.into()]
 }
@@ -744,7 +751,7 @@ pub(super) struct Band {
 impl Renderer {
     /// For scenes on `grid`, with heights counted from `anchor` on the device.
     pub fn new(scene: &Scene, grid: Grid, anchor: Height) -> Result<Renderer, GpuError> {
-        Renderer::with_options(scene, grid, anchor, PassOptions::default())
+        Renderer::with_options(scene, grid, anchor, PassOptions::of(scene.gpu().info().kind))
     }
 
     /// The same with other groups or orders.

@@ -1,7 +1,7 @@
 //! The device's programs, made on threads of their own: a driver may take seconds to compile them, and the window answers
 //! meanwhile.
 
-use crate::gpu::{ComputePipeline, Gpu, GpuError, Recipe};
+use crate::gpu::{ComputePipeline, DeviceKind, Gpu, GpuError, Recipe};
 use crate::render::{frame, screen};
 use crate::stream::{pool::Access, scene};
 use crossbeam_channel::{Receiver, unbounded};
@@ -25,8 +25,9 @@ pub struct Programs {
 }
 
 /// What the first picture needs, what takes longest first; then the rest.
-fn recipes(access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
-    let ([mut needed, more], [derived, others]) = (frame::recipes(access), scene::recipes(access, bridge));
+fn recipes(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
+    let ([mut needed, more], [derived, others]) =
+        (frame::recipes(kind, access), scene::recipes(access, bridge));
     needed.reverse();
     needed.extend(derived);
     needed.push(screen::recipe());
@@ -41,7 +42,7 @@ impl Programs {
         bridge: bool,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Programs {
-        let [needed, more] = recipes(access, bridge);
+        let [needed, more] = recipes(gpu.info().kind, access, bridge);
         let count = needed.len();
         let all: Arc<[Recipe]> = needed.into_iter().chain(more).collect();
         let (send, made) = unbounded();
