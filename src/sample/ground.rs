@@ -4,6 +4,7 @@ use super::cell::{self, Patch};
 use super::frame::{self, Bounds};
 use super::places::Place;
 use super::{Budget, Opened, Seen, append, median, parallel, unpack};
+use crate::source::PointBlock;
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
@@ -54,44 +55,94 @@ pub(super) fn patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> 
     let density = runs.iter().map(|&run| patches[run].points.len() as f64).sum::<f64>()
         / areas.iter().sum::<f64>()
         * passes;
-    let windows = parallel(runs.len(), |decoder, index| {
-        let (at, patch) = (&places[runs[index]], &patches[runs[index]]);
-        let center = median(patch.points.iter().map(|p| DVec3::new(p[0], p[1], 0.0))).truncate();
-        let reach = areas[index].sqrt() / 2.0;
-        let inside = |p: &[f64; 2]| (DVec2::from_array(*p) - center).abs().max_element() <= reach / 2.0;
-        let mut points: Vec<[f64; 2]> = patch.points.iter().copied().filter(inside).collect();
-        let mut known: HashSet<[u64; 2]> = points.iter().map(|p| p.map(f64::to_bits)).collect();
-        for (file, chunk) in chunks_near(ground, center, reach, at) {
-            if points.len() as f64 > 0.9 * density * reach * reach {
-                break; // All passes are there.
-            }
+    let mut windows: Vec<Window> = runs
+        .iter()
+        .zip(&areas)
+        .map(|(&run, area)| {
+            let patch = &patches[run];
+            let center = median(patch.points.iter().map(|p| DVec3::new(p[0], p[1], 0.0))).truncate();
+            let reach = area.sqrt() / 2.0;
+            let mut window =
+                Window { center, reach, points: Vec::new(), known: HashSet::new(), chunks: Vec::new() };
+            window.take(&patch.points);
+            window.chunks = chunks_near(ground, center, reach, &places[run]);
+            window.chunks.reverse();
+            window
+        })
+        .collect();
+    let is_open = |window: &Window| {
+        // Until all passes are there.
+        !window.chunks.is_empty() && window.points.len() as f64 <= 0.9 * density * window.reach * window.reach
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    loop {
+        let open: Vec<usize> = (0..windows.len()).filter(|&index| is_open(&windows[index])).collect();
+        if open.is_empty() {
+            break;
+        }
+        // Where there are cores to spare, more than one chunk of each at a time; what then is too much is left out, so
+        // that the number of cores changes nothing.
+        let each = (threads / open.len()).max(1);
+        let jobs: Vec<(usize, (usize, usize))> = open
+            .iter()
+            .flat_map(|&index| {
+                windows[index].chunks.iter().rev().take(each).map(move |&chunk| (index, chunk))
+            })
+            .collect();
+        let read = parallel(jobs.len(), |decoder, job| {
+            let (_, (file, chunk)) = jobs[job];
             let lidar = &ground.files[file].file;
             let mut seen = Vec::new();
+            let sink = &mut |block: &PointBlock| append(block, &mut seen);
             // A broken chunk is reported when it is drawn; here it only tells less.
-            let _ =
-                decoder.decode(lidar, &lidar.chunks[chunk], 0..ground.budget.place_points, &mut |block| {
-                    append(block, &mut seen);
-                });
+            let _ = decoder.decode(lidar, &lidar.chunks[chunk], 0..ground.budget.place_points, sink);
             lidar.bytes.release();
-            for seen in seen.iter().filter(|seen| (ground.shown)(seen)) {
-                let point = (ground.place)(file, seen);
-                let point = [point.x, point.y];
-                if inside(&point) && known.insert(point.map(f64::to_bits)) {
-                    points.push(point);
-                }
+            let shown = seen.iter().filter(|seen| (ground.shown)(seen));
+            let points = shown.map(|seen| (ground.place)(file, seen)).map(|point| [point.x, point.y]);
+            points.collect::<Vec<_>>()
+        });
+        for ((index, _), points) in jobs.into_iter().zip(read) {
+            if is_open(&windows[index]) {
+                windows[index].chunks.pop();
+                windows[index].take(&points);
             }
         }
+    }
+    let windows = windows.into_iter().zip(&runs).map(|(Window { points, .. }, &run)| {
         // Where the middle of a pass is a void, the pass itself has to do.
-        if points.len() < patch.points.len() / 8 {
-            return Patch { points: patch.points.clone(), passes };
+        if points.len() < patches[run].points.len() / 8 {
+            return Patch { points: patches[run].points.clone(), passes };
         }
         let here = points.len() as f64 / cell::footprint_area(&points, spacing);
         Patch { points, passes: (density / here).clamp(1.0, passes) }
     });
+    let windows: Vec<Patch> = windows.collect();
     for (run, window) in runs.into_iter().zip(windows) {
         patches[run] = window;
     }
     patches
+}
+
+/// Points of all passes about the middle of a place.
+struct Window {
+    center: DVec2,
+    reach: f64,
+    /// No two alike.
+    points: Vec<[f64; 2]>,
+    known: HashSet<[u64; 2]>,
+    /// Chunks that may hold more (file, index), the nearest last.
+    chunks: Vec<(usize, usize)>,
+}
+
+impl Window {
+    fn take(&mut self, points: &[[f64; 2]]) {
+        for point in points {
+            let is_inside = (DVec2::from_array(*point) - self.center).abs().max_element() <= self.reach / 2.0;
+            if is_inside && self.known.insert(point.map(f64::to_bits)) {
+                self.points.push(*point);
+            }
+        }
+    }
 }
 
 /// Passes from which on those of one place are looked for.
