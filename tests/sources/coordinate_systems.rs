@@ -1,5 +1,6 @@
 //! Names, codes, units and kinds of the coordinate systems of real files.
 
+use crate::scene::real_files as data;
 use glam::DVec3;
 use lasray::sample;
 use lasray::source::crs::{self, Crs, CrsKind};
@@ -8,17 +9,6 @@ use lasray::source::reproject::Reprojection;
 use lasray::source::{LidarFile, inputs};
 use lasray::synth::{self, Tile};
 use std::path::{Path, PathBuf};
-
-/// Real files, which are no part of the repository.
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("LASRAY_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: no real files at {} (LASRAY_DATA names another folder)", folder.display());
-    None
-}
 
 fn read(file: &LidarFile) -> Option<Crs> {
     let (crs, errors) = crs::of_file(file).unwrap();

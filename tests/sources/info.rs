@@ -1,19 +1,8 @@
 //! `lasray info` on real files: classes and bounds as other programs count them.
 
+use crate::scene::real_files as data;
 use serde_json::Value;
-use std::path::PathBuf;
 use std::process::Command;
-
-/// Real files, which are no part of the repository.
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("LASRAY_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: no real files at {} (LASRAY_DATA names another folder)", folder.display());
-    None
-}
 
 /// Exit code, standard output, standard error.
 fn info(words: &[&std::ffi::OsStr]) -> (Option<i32>, String, String) {

@@ -1,6 +1,7 @@
 //! The opening sample of real files against the same decisions from every point.
 
 use crate::made::{Made, Packing};
+use crate::scene::real_files as data;
 use lasray::attribute::ColorMode;
 use lasray::sample::{self, Budget, CellChoice, Opened, Patch, RgbDepth, Sample};
 use lasray::source::inputs;
@@ -8,17 +9,6 @@ use lasray::source::placement::PlacementOptions;
 use lasray::source::{Decoder, LidarFile};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
-
-/// Real files, which are no part of the repository.
-fn data() -> Option<PathBuf> {
-    let folder = std::env::var_os("LASRAY_DATA")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data")), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("skipped: no real files at {} (LASRAY_DATA names another folder)", folder.display());
-    None
-}
 
 fn open(paths: &[PathBuf]) -> Vec<Opened> {
     sample::open_all(paths).into_iter().filter_map(Result::ok).collect()
