@@ -47,7 +47,8 @@ fn main() -> anyhow::Result<()> {
     );
     let mut smaller = Vec::<IngestRow>::new();
     for points in sizes {
-        let rows = run(&IngestOptions { points, ..options.clone() }, &mut |_| (), &AtomicBool::new(false))?;
+        let mut rows = Vec::new();
+        run(&IngestOptions { points, ..options.clone() }, &mut |_| (), &AtomicBool::new(false), &mut rows)?;
         for row in &rows {
             let percent = |share: f64| format!("{:.0} %", 100.0 * share);
             println!(

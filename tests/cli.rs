@@ -9,6 +9,8 @@ use made::{Made, Packing, data_dir, lidar_files};
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io::Read;
+#[cfg(unix)]
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Mutex;
@@ -1089,7 +1091,7 @@ fn odd_and_hostile_real_files() {
 
 /// Width, and bytes of three channels.
 fn pixels(path: &Path) -> Vec<u8> {
-    let file = std::io::BufReader::new(fs::File::open(path).unwrap());
+    let file = BufReader::new(fs::File::open(path).unwrap());
     let mut reader = png::Decoder::new(file).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     reader.next_frame(&mut bytes).unwrap();
@@ -1375,6 +1377,46 @@ fn bench_streams_and_no_frame_waits() {
         assert!(samples("resident", "upload_bytes").iter().all(|&bytes| bytes == 0.0));
         // Each run begins with nothing.
         assert_eq!([samples("streaming", "ready")[0], samples("streaming", "ready")[6]], [0.0; 2]);
+    }
+}
+
+/// As `timeout` does: what was measured until then is told, in every form, and the code says that it is not all.
+#[cfg(unix)]
+#[test]
+fn bench_tells_what_it_has_when_it_is_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases = [
+        ("--frames 2 --paths turn,fast --plot a.svg", "TERM", "32/8 turn     pool", "rows"),
+        ("--stream --frames 6 --format las --shade none --runs 1000000", "INT", "run 2 of", "stream"),
+    ];
+    for (arguments, signal, seen, part) in cases {
+        let arguments = format!("bench {arguments} --size 48x27 --points 60k --json a.json");
+        let mut child = Command::new(env!("CARGO_BIN_EXE_lasray"))
+            .args(words(arguments.split(' ')))
+            .current_dir(folder.path())
+            .env("LASRAY_CACHE", folder.path().join("cache"))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let printed = read_aside(child.stdout.take().unwrap());
+        let mut said = String::new();
+        let mut lines = BufReader::new(child.stderr.take().unwrap());
+        while !said.contains(seen) {
+            assert!(lines.read_line(&mut said).unwrap() > 0, "{said}");
+        }
+        let kill = [format!("-{signal}"), child.id().to_string()];
+        assert!(Command::new("kill").args(kill).status().unwrap().success());
+        lines.read_to_string(&mut said).unwrap();
+        let (status, printed) = (child.wait().unwrap(), printed.join().unwrap());
+        assert_eq!(status.code(), Some(1), "{said}");
+        assert!(said.contains("lasray: stopped"), "{said}");
+        assert!(printed.contains("stopped: not everything that was asked for was measured"), "{printed}");
+        let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert_eq!(json["stopped"], true);
+        assert!(!json[part].as_array().unwrap().is_empty(), "{said}");
+        assert!(folder.path().join("a.svg").exists());
     }
 }
 

@@ -3,6 +3,7 @@
 //! Everything that is compared is run in turn, so that a machine that slows down slows all of it; figures are medians.
 
 use super::cache;
+use super::frames::Stopped;
 pub use super::report::{Cache, IngestKind, IngestRow, IngestSample};
 use crate::coords::Grid;
 use crate::load::{self, LoadError};
@@ -63,16 +64,19 @@ impl IngestRow {
     }
 }
 
-/// Measures; `progress` is told what comes next; ends between runs once `stop` is set.
+/// Measures and adds to `rows`; `progress` is told what comes next; ends between runs once `stop` is set.
+///
+/// # Errors
+/// What cannot be made or read, [`Stopped`]; `rows` has what was measured whole by then.
 pub fn run(
     options: &IngestOptions,
     progress: &mut dyn FnMut(&str),
     stop: &AtomicBool,
-) -> anyhow::Result<Vec<IngestRow>> {
+    rows: &mut Vec<IngestRow>,
+) -> anyhow::Result<()> {
     ensure!(options.runs > 0 && options.points > 0, "at least one run of one point");
-    let mut rows = Vec::new();
     for path in &options.files {
-        measure(path, options, progress, stop, &mut rows)?;
+        measure(path, options, progress, stop, rows)?;
     }
     if options.files.is_empty() {
         let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
@@ -81,12 +85,12 @@ pub fn run(
                 let path = folder.path().join(format!("town{number}.{extension}"));
                 progress(&format!("{extension} {number}: writing {} points", options.points));
                 make(&path, format, options.points)?;
-                measure(&path, options, progress, stop, &mut rows)?;
+                measure(&path, options, progress, stop, rows)?;
                 std::fs::remove_file(&path)?;
             }
         }
     }
-    Ok(rows)
+    Ok(())
 }
 
 /// Writes a scan of the synthetic town.
@@ -217,7 +221,7 @@ fn measure(
         }
         for run in 1..=options.runs {
             for (&threads, samples) in options.threads.iter().zip(&mut samples) {
-                ensure!(!stop.load(Ordering::Relaxed), "stopped");
+                ensure!(!stop.load(Ordering::Relaxed), Stopped);
                 let state = if cold { "cold" } else { "warm" };
                 progress(&format!("{name}: {state}, {threads} threads, run {run} of {}", options.runs));
                 let mut before = || {
@@ -301,7 +305,8 @@ mod tests {
         let options =
             IngestOptions { points: 10_000, runs: 1, threads: vec![1, 2], ..IngestOptions::default() };
         let mut said = 0;
-        let rows = run(&options, &mut |_| said += 1, &AtomicBool::new(false)).unwrap();
+        let mut rows = Vec::new();
+        run(&options, &mut |_| said += 1, &AtomicBool::new(false), &mut rows).unwrap();
         assert_eq!(rows.len(), 4 * 2 * 2);
         assert!(said >= rows.len());
         for row in &rows {

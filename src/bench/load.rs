@@ -5,6 +5,7 @@
 //! from the finest level up until a level is as high already. The four around the camera have priority. Points come
 //! from our decoder here, which is faster than the one it used.
 
+use super::frames::Stopped;
 use super::ingest::Case;
 use super::report::{LoadRow, Stat};
 use crate::attribute::ClassMask;
@@ -162,7 +163,7 @@ fn ours(scene: &mut Scene, case: &Case, threads: usize) -> anyhow::Result<[f64; 
     Ok([read, upload, packing.as_secs_f64()])
 }
 
-/// Loads `path` both ways, `runs` times in turn, warm.
+/// Loads `path` both ways, `runs` times in turn, warm; fewer times once `stop` is set.
 pub fn run(
     gpu: &Gpu,
     path: &Path,
@@ -194,10 +195,13 @@ pub fn run(
         [const { Vec::new() }; 7];
     let (mut kept, mut prioritized) = (0, true);
     for run in 1..=runs {
-        ensure!(!stop.load(Ordering::Relaxed), "stopped");
         progress(&format!("{name}: loading, run {run} of {runs}"));
         let ([first, last], points, set) = thesis(&case, side, levels, stop)?;
-        ensure!(!stop.load(Ordering::Relaxed), "stopped");
+        if stop.load(Ordering::Relaxed) {
+            // Whole runs count.
+            ensure!(run > 1, Stopped);
+            break;
+        }
         (kept, prioritized) = (points, prioritized && set);
         middle.push(first);
         all.push(last);

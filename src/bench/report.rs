@@ -500,6 +500,9 @@ pub struct Report {
     /// See [`Report::compare`].
     #[serde(default)]
     pub ratios: Vec<Ratios>,
+    /// It was asked to end before all was measured.
+    #[serde(default)]
+    pub stopped: bool,
 }
 
 impl Report {
@@ -518,6 +521,7 @@ impl Report {
             peer: Vec::new(),
             stream: Vec::new(),
             ratios: Vec::new(),
+            stopped: false,
         }
     }
 
@@ -632,6 +636,9 @@ impl Report {
                 number(row.ratio),
                 100.0 * row.agree
             );
+        }
+        if self.stopped {
+            out.push_str("\nstopped: not everything that was asked for was measured\n");
         }
         out
     }

@@ -55,6 +55,8 @@ pub struct Options<'a> {
     pub host_bytes: u64,
     /// How files are opened.
     pub load: LoadOptions,
+    /// No progress bar.
+    pub quiet: bool,
     /// Set: ends before the next frame.
     pub stop: &'a AtomicBool,
 }
@@ -289,8 +291,15 @@ impl<'a> Case<'a> {
     /// A frame for each of `cameras`, one after the other.
     fn flight(&mut self, live: &mut Live, cameras: &[Camera]) -> anyhow::Result<Flight> {
         let before = self.scene.counters().waits;
-        let frames = cameras.iter().map(|camera| self.frame(live, camera));
-        let frames = frames.collect::<anyhow::Result<Vec<_>>>()?;
+        let bar =
+            load::bar(cameras.len() as u64, self.options.quiet, "{wide_bar} frame {pos} of {len} {eta}");
+        let frames = cameras.iter().map(|camera| {
+            bar.inc(1);
+            self.frame(live, camera)
+        });
+        let frames = frames.collect::<anyhow::Result<Vec<_>>>();
+        bar.finish_and_clear();
+        let frames = frames?;
         self.errors.extend(live.take_errors());
         let waits = self.scene.counters().waits - before;
         Ok(Flight { frames, waits, bytes_read: live.status(&self.scene).progress.bytes_read })
@@ -340,7 +349,31 @@ impl<'a> Case<'a> {
         path.spread(self.options.frames).map(camera).collect()
     }
 
-    /// Flies `path` both ways, run after run. `progress` is told what comes next.
+    /// What is drawn with nothing there, and with everything there.
+    fn run(
+        &mut self,
+        cameras: &[Camera],
+        at: &str,
+        progress: &mut dyn FnMut(&str),
+    ) -> anyhow::Result<[Flight; 2]> {
+        progress(&format!("{at}: streaming"));
+        let mut live = self.start()?;
+        let streaming = self.flight(&mut live, cameras)?;
+        progress(&format!("{at}: fetching the rest"));
+        live.restore_detail();
+        for camera in cameras {
+            self.complete(&mut live, camera)?;
+        }
+        live.pause(true);
+        self.scene.settle()?;
+        progress(&format!("{at}: everything there"));
+        // What the threads had begun is over by then.
+        self.frame(&mut live, &cameras[0])?;
+        let resident = self.flight(&mut live, cameras)?;
+        Ok([streaming, resident])
+    }
+
+    /// Flies `path` both ways, run after run; fewer runs, but one, once asked to stop. `progress` is told what comes next.
     pub fn fly(&mut self, path: &CameraPath, progress: &mut dyn FnMut(&str)) -> anyhow::Result<StreamRow> {
         let cameras = self.cameras(path)?;
         let options = self.options;
@@ -348,20 +381,14 @@ impl<'a> Case<'a> {
         let (mut streaming, mut resident) = (Vec::new(), Vec::new());
         for run in 1..=options.runs {
             let at = format!("{}: {name}, run {run} of {}", self.name, options.runs);
-            progress(&format!("{at}: streaming"));
-            let mut live = self.start()?;
-            streaming.push(self.flight(&mut live, &cameras)?);
-            progress(&format!("{at}: fetching the rest"));
-            live.restore_detail();
-            for camera in &cameras {
-                self.complete(&mut live, camera)?;
+            match self.run(&cameras, &at, progress) {
+                Ok([with, without]) => {
+                    streaming.push(with);
+                    resident.push(without);
+                }
+                Err(error) if error.is::<Stopped>() && !streaming.is_empty() => break,
+                Err(error) => return Err(error),
             }
-            live.pause(true);
-            self.scene.settle()?;
-            progress(&format!("{at}: everything there"));
-            // What the threads had begun is over by then.
-            self.frame(&mut live, &cameras[0])?;
-            resident.push(self.flight(&mut live, &cameras)?);
         }
         let ratios: Vec<_> = streaming.iter().zip(&resident).map(|(s, r)| p95(s) / p95(r)).collect();
         let all = |flights: &[Flight], of: &dyn Fn(&Frame) -> bool| {
@@ -375,7 +402,7 @@ impl<'a> Case<'a> {
             cell: self.cell,
             path: name.to_owned(),
             frames: cameras.len() as u32,
-            runs: options.runs,
+            runs: streaming.len() as u32,
             size: options.size,
             threads: load::threads() as u32,
             device_bytes: options.device_bytes,

@@ -4,7 +4,7 @@ use super::placement::PlacementArgs;
 use super::render::{bytes, positive, size, usage_of_load};
 use super::synth::count;
 use super::{Outcome, UsageError, check_targets};
-use crate::bench::frames::{self, Options, PoolRun, ThesisRun, Traced};
+use crate::bench::frames::{self, Options, PoolRun, Stopped, ThesisRun, Traced};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::load as loading;
 use crate::bench::report::{Pipeline, Report, Row, ScalingRow, Skipped, Stat};
@@ -166,6 +166,9 @@ cameras want is fetched, reading stops, and the same frames are drawn again. Bot
 the median of the runs' own, the other figures are over the frames of all runs. The fast path goes back and forth over
 the data, 256 cells a frame. Shaders are compiled before.
 
+Ctrl-C and, on Unix, SIGTERM end it after the frame or run at hand, with tables, --json and --plot of all that was
+measured whole until then; a second one ends it at once.
+
 Exit codes: 0 done; 1 failed, stopped, a frame that waited for streaming, or pictures that differ in more than 0.1 % of
 the pixels; 2 wrong arguments.
 ";
@@ -249,7 +252,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
             std::process::exit(130);
         }
     };
-    ctrlc::set_handler(stop).context("cannot listen for Ctrl-C")?;
+    crate::stop::on_request(stop)?;
 
     let settings = json!({
         "inputs": args.inputs.iter().map(|i| i.to_string_lossy()).collect::<Vec<_>>(),
@@ -271,25 +274,31 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     if draws {
         result = harness.frames(files.clone());
     }
+    // Between parts, too.
+    let go_on = |result: anyhow::Result<()>| {
+        if STOP.load(Ordering::Relaxed) { result.and(Err(Stopped.into())) } else { result }
+    };
+    result = go_on(result);
     if args.stream && result.is_ok() {
-        result = harness.stream(files);
+        result = go_on(harness.stream(files));
     }
     if args.ingest && result.is_ok() {
-        result = harness.ingest();
+        result = go_on(harness.ingest());
     }
     if args.load && result.is_ok() {
-        result = harness.load();
+        result = go_on(harness.load());
     }
     if args.scaling && result.is_ok() {
-        result = harness.scaling();
+        result = go_on(harness.scaling());
     }
     #[cfg(feature = "embree")]
     if args.peer && result.is_ok() {
-        result = harness.peer();
+        result = go_on(harness.peer());
     }
-    // What was measured before an error is worth its file.
+    // What was measured before an error or the wish to stop is worth its file.
     report.compare();
     if let Err(error) = &result {
+        report.stopped = error.is::<Stopped>();
         problems.blame(&error.to_string());
     }
     // What no part has printed.
@@ -369,8 +378,15 @@ impl Harness<'_> {
         }
     }
 
+    /// An error once the program was asked to end.
+    fn check(&self) -> Result<(), Stopped> {
+        if STOP.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
+    }
+
     fn world(&mut self, cell: f64, widest: f64) -> anyhow::Result<(World, Fit)> {
-        world(self.args, self.found, [cell, widest], self.problems)
+        let world = world(self.args, self.found, [cell, widest], self.problems)?;
+        self.check()?;
+        Ok(world)
     }
 
     /// Both pipelines along all paths.
@@ -471,7 +487,8 @@ impl Harness<'_> {
         let Config { grid, levels } = config;
         let name = path.name().unwrap_or("path");
         let frames = args.frames.unwrap_or(path.frames()).min(path.frames());
-        let options = Options { size: self.size, frames, rounds: frames::ROUNDS, stop: &STOP };
+        let options =
+            Options { size: self.size, frames, rounds: frames::ROUNDS, quiet: args.quiet, stop: &STOP };
         let rays = u64::from(self.size[0]) * u64::from(self.size[1]);
         let strip = thesis.as_ref().map(Thesis::strip);
         let flight = frames::run(self.gpu, world, config, path, *pool_fits, thesis.as_mut(), &options)?;
@@ -524,6 +541,7 @@ impl Harness<'_> {
             device_bytes: self.gpu.bytes_for_sections(args.device_memory),
             host_bytes: args.host_memory,
             load: LoadOptions { quiet: true, ..load_options(args) },
+            quiet: args.quiet,
             stop: &STOP,
         };
         let kinds = match &args.paths[..] {
@@ -570,6 +588,7 @@ impl Harness<'_> {
                     row.data, row.path, row.streaming.frame_ms.p95, row.resident.frame_ms.p95, row.waits
                 ));
                 self.report.stream.push(row);
+                self.check()?;
             }
             case.take_errors().iter().for_each(|error| self.problems.error(error));
         }
@@ -592,6 +611,7 @@ impl Harness<'_> {
             let mut say = |what: &str| self.say(format_args!("{what}"));
             let row = loading::run(self.gpu, &file, args.cell, LOAD_RUNS, &mut say, &STOP)?;
             self.report.load.push(row);
+            self.check()?;
         }
         Ok(())
     }
@@ -605,7 +625,7 @@ impl Harness<'_> {
         let kinds = if args.paths.is_empty() { &SCALING_PATHS[..] } else { &args.paths };
         let frames = args.frames.unwrap_or(SCALING_FRAMES);
         let frames = frames.div_ceil(SCALING_ROUNDS);
-        let options = Options { size: self.size, frames, rounds: 1, stop: &STOP };
+        let options = Options { size: self.size, frames, rounds: 1, quiet: args.quiet, stop: &STOP };
         let mut sides = Vec::new();
         for (config, cell) in [(coarse, 2.0 * args.cell), (fine, args.cell)] {
             let (world, _) = self.world(cell, 2.0 * args.cell)?;
@@ -619,10 +639,11 @@ impl Harness<'_> {
                 self.choose_strip(world, *config, path, thesis)?;
             }
         }
-        // [thesis, pool] of each path, coarse and fine.
-        let mut times = vec![[const { [const { Vec::new() }; 2] }; 2]; paths.len()];
+        let cells = [coarse, fine].map(|config| f64::from(config.side()).powi(2));
         // In turn, so that what else the machine does is the same for both.
-        for (path, times) in paths.iter().zip(&mut times) {
+        for path in &paths {
+            // [thesis, pool], coarse and fine.
+            let mut times = [const { [const { Vec::new() }; 2] }; 2];
             for round in 1..=SCALING_ROUNDS {
                 self.say(format_args!(
                     "scaling: {}, {round} of {SCALING_ROUNDS}",
@@ -641,11 +662,8 @@ impl Harness<'_> {
                     }
                 }
             }
-        }
-        let cells = [coarse, fine].map(|config| f64::from(config.side()).powi(2));
-        for (pipeline, k) in [(Pipeline::Thesis, 0), (Pipeline::Pool, 1)] {
-            for (path, times) in paths.iter().zip(&times) {
-                let medians = times[k].clone().map(|times| Stat::of(times).map(|stat| stat.median));
+            for (pipeline, times) in [Pipeline::Thesis, Pipeline::Pool].into_iter().zip(times) {
+                let medians = times.map(|times| Stat::of(times).map(|stat| stat.median));
                 let [Some(less), Some(more)] = medians else { continue };
                 self.report.scaling.push(ScalingRow {
                     what: format!("trace, {}, {}", pipeline.name(), path.name().unwrap_or("path")),
@@ -670,7 +688,9 @@ impl Harness<'_> {
                 threads: vec![std::thread::available_parallelism().map_or(1, |n| n.get() as u32)],
                 ..IngestOptions::default()
             };
-            read.push(ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP)?);
+            let mut rows = Vec::new();
+            ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP, &mut rows)?;
+            read.push(rows);
         }
         for (less, more) in read[0].iter().zip(&read[1]) {
             let rows = [less, more];
@@ -707,9 +727,10 @@ impl Harness<'_> {
             cell: Some(args.cell),
             ..IngestOptions::default()
         };
-        let rows = ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP)?;
+        let mut rows = Vec::new();
+        let result = ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP, &mut rows);
         self.report.ingest = rows;
-        Ok(())
+        result
     }
 }
 
