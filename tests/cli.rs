@@ -1321,18 +1321,64 @@ fn bench_measures_both_pipelines() {
 #[test]
 fn bench_loads_as_the_thesis_does() {
     let folder = tempfile::tempdir().unwrap();
-    let ran = run(folder.path(), &words("bench --load --points 20k --json a.json -q".split(' ')), &[]);
+    let arguments = "bench --load --threads 1,2,1 --points 20k --json a.json -q";
+    let ran = run(folder.path(), &words(arguments.split(' ')), &[]);
     assert_eq!((ran.code, ran.said.as_str()), (Some(0), ""));
     assert!(ran.printed.contains("loading town.las, 20k points"), "{}", ran.printed);
     let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert!(json["rows"].as_array().unwrap().is_empty(), "no frames were asked for");
+    let threads = |json: &serde_json::Value, part: &str| -> Vec<_> {
+        json[part].as_array().unwrap().iter().map(|row| row["threads"].as_u64().unwrap()).collect()
+    };
+    assert_eq!(threads(&json, "load"), [1, 2]);
+    for arguments in
+        ["synth a.las --points 1k", "bench --ingest a.las --threads 2,all,1,2 --cell 1 --json b.json -q"]
+    {
+        assert_eq!(run(folder.path(), &words(arguments.split(' ')), &[]).code, Some(0));
+    }
+    let read = fs::read_to_string(folder.path().join("b.json")).unwrap();
+    let read = threads(&serde_json::from_str(&read).unwrap(), "ingest");
+    let (warm, cold) = read.split_at(read.len() / 2);
+    let all = std::thread::available_parallelism().map_or(1, |n| n.get() as u64);
+    let mut asked = vec![2, all, 1];
+    asked.dedup();
+    asked.truncate(if all == 1 { 2 } else { 3 });
+    assert_eq!((warm, cold), (&asked[..], &asked[..]));
     let row = &json["load"][0];
     assert_eq!((row["points"].as_u64(), row["kept"].as_u64()), (Some(20_000), Some(20_000)));
     let median = |what: &str| row[what]["median"].as_f64().unwrap();
     assert!(median("thesis_middle_s") <= median("thesis_all_s"));
     assert!(median("thesis_middle_s") > 0.0 && median("upload_s") > 0.0);
     assert!(median("total_s") >= median("read_s"));
+}
+
+/// Files are made once; what is damaged is not read.
+#[test]
+fn bench_keeps_the_files_that_it_makes() {
+    let folder = tempfile::tempdir().unwrap();
+    let kept = || -> Vec<PathBuf> {
+        let sets = fs::read_dir(folder.path().join("cache/bench")).into_iter().flatten();
+        let files = sets.flat_map(|set| fs::read_dir(set.unwrap().path()).unwrap());
+        files
+            .map(|file| file.unwrap().path())
+            .filter(|file| file.extension() == Some(OsStr::new("las")))
+            .collect()
+    };
+    let bench = |more: &str| {
+        let arguments = format!("bench --load --threads all --points 20k{more}");
+        let ran = run(folder.path(), &words(arguments.split(' ')), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        ran.said.contains("writing 20000 points as las")
+    };
+    assert!(bench(" --no-cache") && kept().is_empty());
+    assert!(bench(""));
+    let [file] = &kept()[..] else { panic!("{:?}", kept()) };
+    let whole = fs::read(file).unwrap();
+    assert!(!bench(""));
+    fs::write(file, &whole[..whole.len() / 2]).unwrap();
+    assert!(bench(""));
+    assert!(fs::read(file).unwrap().len() == whole.len() && !bench(""));
 }
 
 #[test]
@@ -1456,6 +1502,9 @@ fn bench_names_wrong_arguments() {
         ("--ingest --plot a.svg", "no frames are measured"),
         ("--scaling --grid 16/1", "at least two levels"),
         ("--runs 2", "--stream"),
+        ("--threads 2", "--threads: only --ingest and --load"),
+        ("--ingest --threads 1,0", "'0' is not a number of threads"),
+        ("--load --threads many", "'many' is not a number of threads"),
         ("--stream --runs 0", "0 is not in"),
         ("--stream --device-memory much", "not a number of bytes"),
         ("--stream --plot a.svg", "no frames are measured"),

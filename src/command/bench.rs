@@ -11,6 +11,7 @@ use crate::bench::report::{Pipeline, Report, Row, ScalingRow, Skipped, Stat};
 use crate::bench::steady::Repeats;
 use crate::bench::stream;
 use crate::bench::thesis::{Config, STRIPS, Thesis};
+use crate::bench::towns::{Set, Towns};
 use crate::bench::world::{self, TOWN_POINTS, World};
 use crate::bench::{self, FrameTimes, plot};
 use crate::gpu::{DeviceKind, Gpu, GpuError, GpuOptions};
@@ -28,8 +29,7 @@ use anyhow::Context;
 use serde_json::json;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Share of pixels in which the pipelines' pictures may differ.
 const MOST_DIFFER: f64 = 1e-3;
@@ -39,9 +39,8 @@ const INGEST_POINTS: u64 = 20_000_000;
 const LOAD_POINTS: u64 = 4_000_000;
 /// Runs that figures of loading and of scaling are medians of.
 const LOAD_RUNS: u32 = 3;
-/// Points of each town that is streamed, in a square metre and in all.
+/// Points of each town that is streamed.
 const STREAM_POINTS: u64 = 20_000_000;
-const STREAM_DENSITY: f64 = 8.0;
 /// Frames of a path that is streamed.
 const STREAM_FRAMES: u32 = 120;
 /// Pixels of a frame.
@@ -105,6 +104,10 @@ pub struct Args {
     #[arg(long, value_parser = size, help_heading = "Frames", value_name = "WxH")]
     strip: Option<[u32; 2]>,
 
+    /// Numbers of threads that read, `all`: one a core [default: --ingest 1,all, --load all]
+    #[arg(long, value_delimiter = ',', value_parser = number_of_threads, help_heading = "Reading", value_name = "N,…")]
+    threads: Vec<Threads>,
+
     /// Light
     #[arg(long, value_enum, default_value = "lit", requires = "stream", help_heading = "Streaming")]
     shade: Shade,
@@ -139,6 +142,9 @@ pub struct Args {
     /// Which town, which random path
     #[arg(long, default_value_t = 1, help_heading = "Data")]
     seed: u64,
+    /// Neither use nor keep synthetic files, and compiled programs, in the user's cache folder
+    #[arg(long, help_heading = "Data")]
+    no_cache: bool,
     #[command(flatten)]
     placement: PlacementArgs,
 
@@ -205,6 +211,18 @@ fn config(text: &str) -> Result<Config, String> {
     Ok(Config { grid, levels })
 }
 
+/// A number of threads.
+#[derive(Clone, Copy, Debug)]
+struct Threads(u32);
+
+fn number_of_threads(text: &str) -> Result<Threads, String> {
+    let number = match text.trim() {
+        "all" => Some(load::threads() as u32),
+        text => text.parse().ok().filter(|n| (1..=1024).contains(n)),
+    };
+    number.map(Threads).ok_or_else(|| format!("'{text}' is not a number of threads from 1 to 1024, or all"))
+}
+
 static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Measures.
@@ -235,9 +253,13 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     if args.plot.is_some() && !draws {
         return Err(usage(&"--plot: no frames are measured"));
     }
-    let cache = Cache::of_user().map(|cache| cache.folder().to_owned());
-    let gpu =
-        Gpu::new(&GpuOptions { device: args.device, cache, ..Default::default() }).map_err(|e| match e {
+    if !args.threads.is_empty() && !args.ingest && !args.load {
+        return Err(usage(&"--threads: only --ingest and --load take it"));
+    }
+    let cache = if args.no_cache { None } else { Cache::of_user() };
+    let cache = cache.map(|cache| cache.folder().to_owned());
+    let gpu = Gpu::new(&GpuOptions { device: args.device, cache: cache.clone(), ..Default::default() })
+        .map_err(|e| match e {
             GpuError::NoSuchDevice { .. } => usage(&e),
             e => e.into(),
         })?;
@@ -269,7 +291,8 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     });
     let mut report = Report::new(&gpu.info().name, &gpu.info().driver, settings);
     problems.look_at(&found);
-    let mut harness = Harness { args: &args, found: &found, size, gpu: &gpu, report: &mut report, problems };
+    let mut harness =
+        Harness { args: &args, found: &found, size, cache, gpu: &gpu, report: &mut report, problems };
     let mut result = Ok(());
     if draws {
         result = harness.frames(files.clone());
@@ -366,6 +389,8 @@ struct Harness<'a> {
     args: &'a Args,
     found: &'a Inputs,
     size: [u32; 2],
+    /// The user's cache folder, if it is to be used.
+    cache: Option<PathBuf>,
     gpu: &'a Gpu,
     report: &'a mut Report,
     problems: &'a mut Problems,
@@ -548,15 +573,22 @@ impl Harness<'_> {
             [] if files.is_empty() => &stream::PATHS[..],
             chosen => chosen,
         };
-        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+        let mut towns = self.towns();
         let mut data = Vec::new();
         match &args.inputs[..] {
             [] => {
                 let points = args.points.unwrap_or(STREAM_POINTS);
-                for &kind in &args.format {
-                    self.say(format_args!("writing {points} points as {}", kind.name()));
-                    data.push((kind.name().to_owned(), write_town(folder.path(), kind, args.seed, points)?));
-                }
+                let set = |kind: &Kind| Set {
+                    name: "town",
+                    format: synth::Format::Seven,
+                    compress: *kind == Kind::Laz,
+                    is_tiled: true,
+                    seed: args.seed,
+                    points,
+                };
+                let sets: Vec<_> = args.format.iter().map(set).collect();
+                let files = towns.files(&sets, &mut |what| self.say(format_args!("{what}")))?;
+                data.extend(args.format.iter().map(|kind| kind.name().to_owned()).zip(files));
             }
             inputs => {
                 let name = Path::new(&inputs[0]).file_stem().unwrap_or_default();
@@ -599,18 +631,24 @@ impl Harness<'_> {
     fn load(&mut self) -> anyhow::Result<()> {
         let args = self.args;
         let mut files = self.files()?;
-        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+        let mut towns = self.towns();
         if files.is_empty() {
-            let points = args.points.unwrap_or(LOAD_POINTS);
-            let file = folder.path().join("town.las");
-            self.say(format_args!("writing {points} points"));
-            ingest::make(&file, synth::Format::Three, points)?;
-            files.push(file);
+            let set = Set {
+                name: "town",
+                format: synth::Format::Three,
+                compress: false,
+                is_tiled: false,
+                seed: args.seed,
+                points: args.points.unwrap_or(LOAD_POINTS),
+            };
+            let made = towns.files(&[set], &mut |what| self.say(format_args!("{what}")))?;
+            files.extend(made.into_iter().flatten());
         }
+        let threads = if args.threads.is_empty() { vec![load::threads() as u32] } else { self.threads() };
         for file in files {
             let mut say = |what: &str| self.say(format_args!("{what}"));
-            let row = loading::run(self.gpu, &file, args.cell, LOAD_RUNS, &mut say, &STOP)?;
-            self.report.load.push(row);
+            let rows = loading::run(self.gpu, &file, args.cell, LOAD_RUNS, &threads, &mut say, &STOP)?;
+            self.report.load.extend(rows);
             self.check()?;
         }
         Ok(())
@@ -682,11 +720,11 @@ impl Harness<'_> {
         for points in [(all / 4).max(1), all] {
             let options = IngestOptions {
                 points,
-                cell: Some(args.cell),
+                files: Vec::new(),
                 cold: false,
                 runs: LOAD_RUNS,
-                threads: vec![std::thread::available_parallelism().map_or(1, |n| n.get() as u32)],
-                ..IngestOptions::default()
+                threads: vec![load::threads() as u32],
+                ..self.ingest_options()?
             };
             let mut rows = Vec::new();
             ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP, &mut rows)?;
@@ -718,50 +756,45 @@ impl Harness<'_> {
         Ok(())
     }
 
-    /// Reading and binning.
-    fn ingest(&mut self) -> anyhow::Result<()> {
+    /// Numbers of threads that were asked for, each once.
+    fn threads(&self) -> Vec<u32> {
+        let mut threads = Vec::new();
+        for &Threads(number) in &self.args.threads {
+            if !threads.contains(&number) {
+                threads.push(number);
+            }
+        }
+        threads
+    }
+
+    /// Files that are made.
+    fn towns(&self) -> Towns<'static> {
+        Towns::new(self.cache.as_deref(), self.args.quiet, &STOP)
+    }
+
+    fn ingest_options(&self) -> anyhow::Result<IngestOptions> {
         let args = self.args;
-        let options = IngestOptions {
+        Ok(IngestOptions {
+            seed: args.seed,
             points: args.points.unwrap_or(INGEST_POINTS),
+            kept: self.cache.clone(),
+            quiet: args.quiet,
             files: self.files()?,
             cell: Some(args.cell),
             ..IngestOptions::default()
-        };
+        })
+    }
+
+    /// Reading and binning.
+    fn ingest(&mut self) -> anyhow::Result<()> {
+        let mut options = self.ingest_options()?;
+        if !self.args.threads.is_empty() {
+            options.threads = self.threads();
+        }
         let mut rows = Vec::new();
         let result = ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP, &mut rows);
         self.report.ingest = rows;
         result
-    }
-}
-
-/// Tiles of a town in `folder`, on all cores.
-fn write_town(folder: &Path, kind: Kind, seed: u64, points: u64) -> anyhow::Result<Vec<PathBuf>> {
-    let side = (points as f64 / STREAM_DENSITY).sqrt();
-    let tiles = synth::square([-side / 2.0; 2], side, points);
-    let town = synth::Town::new(seed);
-    let files: Vec<_> =
-        (0..tiles.len()).map(|k| folder.join(format!("town{k:02}.{}", kind.name()))).collect();
-    let (next, failed) = (AtomicUsize::new(0), Mutex::new(None));
-    std::thread::scope(|scope| {
-        for _ in 0..load::threads() {
-            scope.spawn(|| {
-                loop {
-                    let k = next.fetch_add(1, Ordering::Relaxed);
-                    let (Some(tile), Some(file)) = (tiles.get(k), files.get(k)) else { return };
-                    let compress = kind == Kind::Laz;
-                    let format = synth::Format::Seven;
-                    if let Err(error) = synth::write_tile(&town, tile, file, format, compress, &STOP, |_| ())
-                    {
-                        *failed.lock().unwrap_or_else(|e| e.into_inner()) = Some(error);
-                        return;
-                    }
-                }
-            });
-        }
-    });
-    match failed.into_inner().unwrap_or_else(|e| e.into_inner()) {
-        None => Ok(files),
-        Some(error) => Err(error.into()),
     }
 }
 
