@@ -1343,7 +1343,6 @@ fn bench_loads_as_the_thesis_does() {
     let all = std::thread::available_parallelism().map_or(1, |n| n.get() as u64);
     let mut asked = vec![2, all, 1];
     asked.dedup();
-    asked.truncate(if all == 1 { 2 } else { 3 });
     assert_eq!((warm, cold), (&asked[..], &asked[..]));
     let row = &json["load"][0];
     assert_eq!((row["points"].as_u64(), row["kept"].as_u64()), (Some(20_000), Some(20_000)));
@@ -1388,7 +1387,7 @@ fn bench_streams_and_no_frame_waits() {
     let ran = run(folder.path(), &words(arguments.split(' ')), &[]);
     assert_eq!(ran.code, Some(0), "{}", ran.said);
     assert!(ran.said.contains("las: slow, run 1 of 2: streaming"), "{}", ran.said);
-    assert!(ran.printed.contains("frames that waited for streaming: 0 of 96"), "{}", ran.printed);
+    assert!(ran.printed.contains("frames that waited for streaming: 0 of 144"), "{}", ran.printed);
     assert!(ran.printed.lines().all(|line| line.chars().count() <= 110), "{}", ran.printed);
     let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();
@@ -1404,7 +1403,15 @@ fn bench_streams_and_no_frame_waits() {
         assert_eq!((row["kind"].as_str(), row["waits"].as_u64()), (Some("stream"), Some(0)));
         assert_eq!((row["frames"].as_u64(), row["runs"].as_u64()), (Some(6), Some(2)));
         assert_eq!(row["ratios"].as_array().unwrap().len(), 2);
-        assert!(row["ratio_p95"].as_f64().unwrap() > 0.0);
+        // Only what is steady is compared, which so few frames need not be.
+        let spreads = row["spreads"].as_array().unwrap();
+        for (ratio, spread) in row["ratios"].as_array().unwrap().iter().zip(spreads) {
+            assert_eq!(ratio.is_number(), spread.as_f64().unwrap() <= 0.1, "{row}");
+        }
+        assert_eq!(
+            row["ratio_p95"].is_number(),
+            row["ratios"].as_array().unwrap().iter().any(|r| r.is_number())
+        );
         // A small town fits.
         assert_eq!((row["not_resident"].as_u64(), row["coarser_frames"].as_u64()), (Some(0), Some(0)));
         let samples = |way: &str, what: &str| -> Vec<f64> {
@@ -1413,7 +1420,7 @@ fn bench_streams_and_no_frame_waits() {
         };
         for way in ["streaming", "resident"] {
             for what in ["frame_ms", "tick_ms", "table_ms", "upload_bytes", "wanted", "ready"] {
-                assert_eq!(samples(way, what).len(), 12, "{way} {what}");
+                assert_eq!(samples(way, what).len(), if way == "resident" { 24 } else { 12 }, "{way} {what}");
             }
             let (frames, ticks) = (samples(way, "frame_ms"), samples(way, "tick_ms"));
             assert!(frames.iter().zip(ticks).all(|(frame, tick)| *frame > tick && tick > 0.0));

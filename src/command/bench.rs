@@ -168,8 +168,8 @@ Without a part: frames. Both pipelines trace the same cells along the same paths
 Times are device timestamps where the device has them; docs/performance.md says what is measured and how.
 
 --stream: each path is flown from nothing, frame upon frame, while threads read the files; then what all of its
-cameras want is fetched, reading stops, and the same frames are drawn again. Both in turn, --runs times; the ratio is
-the median of the runs' own, the other figures are over the frames of all runs. The fast path goes back and forth over
+cameras want is fetched, reading stops, and the same frames are drawn twice more. All in turn, --runs times; the ratio
+is the median of those of the runs in which the last two flights are alike, the other figures are over all frames. The fast path goes back and forth over
 the data, 256 cells a frame. Shaders are compiled before.
 
 Ctrl-C and, on Unix, SIGTERM end it after the frame or run at hand, with tables, --json and --plot of all that was
