@@ -1,7 +1,7 @@
 //! Reading and binning beside decoding alone, in one run: M points/s of LAS and LAZ.
 //!
 //! `cargo bench --bench ingest [-- [--cold] [--cell C] [--runs N] [FILE | POINTS]...]` (default 20M); files are made in
-//! a temporary folder and removed. With several numbers of points, each after the other.
+//! a temporary folder and removed at its end. With several numbers of points, each after the other.
 
 use std::sync::atomic::AtomicBool;
 
@@ -47,7 +47,8 @@ fn main() -> anyhow::Result<()> {
     );
     let mut smaller = Vec::<IngestRow>::new();
     for points in sizes {
-        let rows = run(&IngestOptions { points, ..options.clone() }, &mut |_| (), &AtomicBool::new(false))?;
+        let mut rows = Vec::new();
+        run(&IngestOptions { points, ..options.clone() }, &mut |_| (), &AtomicBool::new(false), &mut rows)?;
         for row in &rows {
             let percent = |share: f64| format!("{:.0} %", 100.0 * share);
             println!(

@@ -26,6 +26,10 @@ use lasray::stream::pool::Access;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Set once the program is asked to end.
+static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Names of a picture's passes.
 const PASS_NAMES: [&str; 4] = ["wide beams", "beams", "trace", "shade"];
@@ -456,6 +460,11 @@ fn main() -> anyhow::Result<()> {
         return write(&args, report);
     }
 
+    lasray::stop::on_request(|| {
+        if STOP.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })?;
     let gpu = open(false)?;
     let is_cpu = gpu.info().kind == DeviceKind::Cpu;
     let size = match &args.size {
@@ -479,11 +488,19 @@ fn main() -> anyhow::Result<()> {
     let world = World::of(loaded)?;
     let mut report = Vec::new();
     for config in configs {
-        report.push(run(&args, &gpu, &world, config, size, &wanted)?);
+        if !is_stopped() {
+            report.push(run(&args, &gpu, &world, config, size, &wanted)?);
+        }
     }
-    // On a device of its own, so that what is timed is what the program makes.
-    let rows = compiled(&open(true)?, &wanted(Access::best(&gpu, 0)))?;
-    if rows.is_empty() {
+    let rows = if is_stopped() {
+        Vec::new()
+    } else {
+        // On a device of its own, so that what is timed is what the program makes.
+        compiled(&open(true)?, &wanted(Access::best(&gpu, 0)))?
+    };
+    if is_stopped() {
+        println!("Stopped: not everything was measured.");
+    } else if rows.is_empty() {
         println!("The driver tells nothing of what it compiles.");
     } else {
         print_compiled(&rows);
@@ -493,9 +510,15 @@ fn main() -> anyhow::Result<()> {
         json!({
             "device": gpu.info().name, "driver": gpu.info().driver, "commit": COMMIT, "size": size,
             "points": args.points, "seed": args.seed, "rounds": args.rounds,
-            "configurations": report, "statistics": rows,
+            "configurations": report, "statistics": rows, "stopped": is_stopped(),
         }),
-    )
+    )?;
+    anyhow::ensure!(!is_stopped(), "stopped");
+    Ok(())
+}
+
+fn is_stopped() -> bool {
+    STOP.load(Ordering::Relaxed)
 }
 
 fn write(args: &Args, report: Value) -> anyhow::Result<()> {
@@ -504,7 +527,8 @@ fn write(args: &Args, report: Value) -> anyhow::Result<()> {
     std::fs::write(file, text).with_context(|| file.display().to_string())
 }
 
-/// One configuration: times, tables, and what of them goes into the report.
+/// One configuration: times and their tables, then counts and theirs, and what of them goes into the report. Once asked to
+/// end, tables of the frames that were timed in all rounds.
 fn run(
     args: &Args,
     gpu: &Gpu,
@@ -521,28 +545,44 @@ fn run(
     if !args.no_counts && !lab.pools.contains_key(access_name(Access::Address)) {
         lab.pools.insert(access_name(Access::Address), filled(gpu, world, config, Access::Address)?);
     }
-    let shots = shots(args, world, config)?;
+    let mut shots = shots(args, world, config)?;
     let mut times = vec![vec![Times::default(); shots.len()]; lab.variants.len()];
-    let mut counts: Vec<(&'static str, Vec<(&'static str, Counts)>)> = Vec::new();
-    for (at, shot) in shots.iter().enumerate() {
+    let is_first = |shots: &[Shot], at: usize| at == 0 || shots[at - 1].path != shots[at].path;
+    let mut whole = 0;
+    'frames: for (at, shot) in shots.iter().enumerate() {
         eprintln!("{}/{} {}, frame {}", config.grid, config.levels, shot.path, shot.frame);
         lab.place(shot)?;
         for _ in 0..args.rounds {
             for (k, times) in times.iter_mut().enumerate() {
+                if is_stopped() {
+                    break 'frames;
+                }
                 lab.time(k, shot, &mut times[at])?;
             }
         }
-        let is_first = at == 0 || shots[at - 1].path != shot.path;
-        if is_first {
+        if is_first(&shots, at) {
             lab.compare(shot, &mut times, at)?;
         }
-        if is_first && !args.no_counts {
-            let mut of_path = Vec::new();
-            lab.count(shot, &mut of_path)?;
-            counts.push((shot.path, of_path));
-        }
+        whole = at + 1;
     }
-    Ok(tables(args, &lab, config, usual, &shots, &times, &counts))
+    shots.truncate(whole);
+    times.iter_mut().for_each(|times| times.truncate(whole));
+    let rows = tables_of_times(args, &lab, config, usual, &shots, &times);
+    let mut counted = Vec::new();
+    for at in (0..whole).filter(|&at| !args.no_counts && is_first(&shots, at)) {
+        if is_stopped() {
+            break;
+        }
+        let mut of_path = Vec::new();
+        lab.place(&shots[at])?;
+        lab.count(&shots[at], &mut of_path)?;
+        print_counts(shots[at].path, &of_path, &mut counted);
+    }
+    println!();
+    lab.notes.iter().for_each(|note| println!("not run: {note}"));
+    let Config { grid, levels } = config;
+    Ok(json!({ "grid": grid, "levels": levels, "access": access_name(usual), "rows": rows, "counts": counted,
+        "notes": lab.notes }))
 }
 
 /// The frames that are drawn, path by path.
@@ -583,15 +623,17 @@ fn ratios(variants: &[Variant], times: &[Times]) -> (Option<usize>, Vec<Option<f
     (base, all.map(|both| base.and_then(|base| ratio(both, &times[base].all))).collect())
 }
 
-fn tables(
+fn tables_of_times(
     args: &Args,
     lab: &Laboratory,
     config: Config,
     usual: Access,
     shots: &[Shot],
     times: &[Vec<Times>],
-    counts: &[(&'static str, Vec<(&'static str, Counts)>)],
-) -> Value {
+) -> Vec<Value> {
+    if shots.is_empty() {
+        return Vec::new();
+    }
     let Config { grid, levels } = config;
     let [width, height] = lab.size;
     let rays = f64::from(width) * f64::from(height);
@@ -672,37 +714,34 @@ fn tables(
         });
         println!("{:<26}{}", variant.name, cells.collect::<String>());
     }
+    rows
+}
 
-    if !counts.is_empty() {
+/// What the passes did in the first frame of `path`; a heading goes before the first.
+fn print_counts(path: &str, passes: &[(&'static str, Counts)], counted: &mut Vec<Value>) {
+    if counted.is_empty() {
         println!("\ncounted in the first frame of each path, by address\n");
         println!(
             "{:<16}{:<11}{:>8}{:>9}{:>8}{:>8}{:>11}{:>13}{:>6}",
             "pass", "path", "steps", "longest", "8x4", "32x1", "loads/step", "lines/group", "cut"
         );
     }
-    let mut counted = Vec::new();
-    for (path, passes) in counts {
-        for (pass, counts) in passes {
-            let [block, row] = counts.efficiency().map(|share| format!("{:.0} %", 100.0 * share));
-            println!(
-                "{pass:<16}{path:<11}{:>8.1}{:>9}{block:>8}{row:>8}{:>11.2}{:>13.2}{:>6}",
-                counts.steps_per_thread(),
-                counts.most_steps,
-                counts.loads_per_step(),
-                counts.lines_per_step(),
-                counts.cut
-            );
-            counted.push(json!({
-                "pass": pass, "path": path, "steps": counts.steps_per_thread(), "sums": counts,
-                "efficiency": counts.efficiency(), "loads_per_step": counts.loads_per_step(),
-                "lines_per_step": counts.lines_per_step(),
-            }));
-        }
+    for (pass, counts) in passes {
+        let [block, row] = counts.efficiency().map(|share| format!("{:.0} %", 100.0 * share));
+        println!(
+            "{pass:<16}{path:<11}{:>8.1}{:>9}{block:>8}{row:>8}{:>11.2}{:>13.2}{:>6}",
+            counts.steps_per_thread(),
+            counts.most_steps,
+            counts.loads_per_step(),
+            counts.lines_per_step(),
+            counts.cut
+        );
+        counted.push(json!({
+            "pass": pass, "path": path, "steps": counts.steps_per_thread(), "sums": counts,
+            "efficiency": counts.efficiency(), "loads_per_step": counts.loads_per_step(),
+            "lines_per_step": counts.lines_per_step(),
+        }));
     }
-    println!();
-    lab.notes.iter().for_each(|note| println!("not run: {note}"));
-    json!({ "grid": grid, "levels": levels, "access": access_name(usual), "rows": rows, "counts": counted,
-        "notes": lab.notes })
 }
 
 /// What the driver's compiler says of each program of `variants`; nothing where it does not tell.

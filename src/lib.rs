@@ -16,6 +16,7 @@ pub mod render;
 pub mod sample;
 pub mod section;
 pub mod source;
+pub mod stop;
 pub mod stream;
 pub mod synth;
 pub mod text;

@@ -7,6 +7,7 @@ use super::thesis::{Config, Kernel, Picture, Thesis};
 use super::world::World;
 use crate::coords::CELL_LIMIT;
 use crate::gpu::{Gpu, QueueKind, Timestamps};
+use crate::load;
 use crate::render::camera::{Bounds, Camera};
 use crate::render::frame::{Background, Shade, Traversal, View};
 use crate::render::image::{Image, MISS_CLASS};
@@ -22,6 +23,8 @@ pub struct Options<'a> {
     pub frames: u32,
     /// Times that the passes of a frame are timed at steady clocks: see [`Traced`].
     pub rounds: u32,
+    /// No progress bar.
+    pub quiet: bool,
     /// Set: ends before the next frame.
     pub stop: &'a AtomicBool,
 }
@@ -264,8 +267,10 @@ pub fn run(
     }
     let mut clock = Timestamps::new(gpu, "traced", QueueKind::Compute, WarmUp::STAGES)?;
     let mut warm_ups = [WarmUp::new(gpu.info().kind); 2];
+    let bar = load::bar(path.frames().into(), options.quiet, "{wide_bar} frame {pos} of {len} {eta}");
     for frame in 0..path.frames() {
         options.check()?;
+        bar.set_position(frame.into());
         let draws = drawn.binary_search(&frame).is_ok();
         let now = path.camera(frame)?;
         let here = window(config, world, now.eye());
@@ -308,6 +313,7 @@ pub fn run(
             }
         }
     }
+    bar.finish_and_clear();
     let pool = pool.map(|flight| flight.map(|flight| flight.run));
     Ok(Flight { pool, thesis: thesis.map(|_| flown) })
 }

@@ -3,7 +3,9 @@
 //! Everything that is compared is run in turn, so that a machine that slows down slows all of it; figures are medians.
 
 use super::cache;
+use super::frames::Stopped;
 pub use super::report::{Cache, IngestKind, IngestRow, IngestSample};
+use super::towns::{Set, Towns};
 use crate::coords::Grid;
 use crate::load::{self, LoadError};
 use crate::render::camera::Bounds;
@@ -12,7 +14,7 @@ use crate::source::placement::PlacementOptions;
 use crate::source::{Decoder, LayerMemory, LidarFile};
 use crate::stream::bins::{Bins, Budget};
 use crate::stream::workers::{Clocks, Input, Progress, read_all};
-use crate::synth::{Format, Tile, Town, write_tile};
+use crate::synth::Format;
 use anyhow::{Context, ensure};
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -20,19 +22,23 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::Instant;
 
-/// Points of the made files in a square metre.
-const DENSITY: f64 = 8.0;
 /// A small file is gone through until so many points have been read.
 const LEAST_POINTS: u64 = 1_000_000;
 
 /// What is measured.
 #[derive(Clone, Debug)]
 pub struct IngestOptions {
+    /// Which town files are made of.
+    pub seed: u64,
     /// Points in each made file.
     pub points: u64,
+    /// Cache folder in which made files are kept; `None`: nowhere.
+    pub kept: Option<PathBuf>,
+    /// No progress bar.
+    pub quiet: bool,
     /// Runs that a figure is the median of.
     pub runs: u32,
-    /// Files to read; none: LAS and LAZ of formats 3 and 7, made in a temporary folder.
+    /// Files to read; none: LAS and LAZ of formats 3 and 7, made: see [`Towns`].
     pub files: Vec<PathBuf>,
     /// Side of a cell; `None`: chosen from the data.
     pub cell: Option<f64>,
@@ -46,7 +52,17 @@ impl Default for IngestOptions {
     fn default() -> IngestOptions {
         let all = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
         let threads = if all == 1 { vec![1] } else { vec![1, all] };
-        IngestOptions { points: 20_000_000, runs: 5, files: Vec::new(), cell: None, threads, cold: true }
+        IngestOptions {
+            seed: 1,
+            points: 20_000_000,
+            kept: None,
+            quiet: true,
+            runs: 5,
+            files: Vec::new(),
+            cell: None,
+            threads,
+            cold: true,
+        }
     }
 }
 
@@ -63,39 +79,33 @@ impl IngestRow {
     }
 }
 
-/// Measures; `progress` is told what comes next; ends between runs once `stop` is set.
+/// Measures and adds to `rows`; `progress` is told what comes next; ends between runs once `stop` is set.
+///
+/// # Errors
+/// What cannot be made or read, [`Stopped`]; `rows` has what was measured whole by then.
 pub fn run(
     options: &IngestOptions,
     progress: &mut dyn FnMut(&str),
     stop: &AtomicBool,
-) -> anyhow::Result<Vec<IngestRow>> {
+    rows: &mut Vec<IngestRow>,
+) -> anyhow::Result<()> {
     ensure!(options.runs > 0 && options.points > 0, "at least one run of one point");
-    let mut rows = Vec::new();
     for path in &options.files {
-        measure(path, options, progress, stop, &mut rows)?;
+        measure(path, options, progress, stop, rows)?;
     }
     if options.files.is_empty() {
-        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
-        for (format, number) in [(Format::Three, 3), (Format::Seven, 7)] {
-            for extension in ["las", "laz"] {
-                let path = folder.path().join(format!("town{number}.{extension}"));
-                progress(&format!("{extension} {number}: writing {} points", options.points));
-                make(&path, format, options.points)?;
-                measure(&path, options, progress, stop, &mut rows)?;
-                std::fs::remove_file(&path)?;
-            }
+        let mut towns = Towns::new(options.kept.as_deref(), options.quiet, stop);
+        let set = |name, format, compress| {
+            let IngestOptions { seed, points, .. } = *options;
+            Set { name, format, compress, is_tiled: false, seed, points }
+        };
+        let sets = [("town3", Format::Three), ("town7", Format::Seven)];
+        let sets = sets.map(|(name, format)| [false, true].map(|compress| set(name, format, compress)));
+        for path in towns.files(sets.as_flattened(), progress)?.iter().flatten() {
+            measure(path, options, progress, stop, rows)?;
         }
     }
-    Ok(rows)
-}
-
-/// Writes a scan of the synthetic town.
-pub fn make(path: &Path, format: Format, points: u64) -> anyhow::Result<()> {
-    let side = (points as f64 / DENSITY).sqrt();
-    let tile = Tile { corner: [-side / 2.0; 2], size: [side; 2], points };
-    let compressed = path.extension().is_some_and(|e| e == "laz");
-    write_tile(&Town::new(1), &tile, path, format, compressed, &AtomicBool::new(false), |_| ())
-        .with_context(|| format!("cannot write {}", path.display()))
+    Ok(())
 }
 
 /// A file and how it is to be binned.
@@ -217,7 +227,7 @@ fn measure(
         }
         for run in 1..=options.runs {
             for (&threads, samples) in options.threads.iter().zip(&mut samples) {
-                ensure!(!stop.load(Ordering::Relaxed), "stopped");
+                ensure!(!stop.load(Ordering::Relaxed), Stopped);
                 let state = if cold { "cold" } else { "warm" };
                 progress(&format!("{name}: {state}, {threads} threads, run {run} of {}", options.runs));
                 let mut before = || {
@@ -301,7 +311,8 @@ mod tests {
         let options =
             IngestOptions { points: 10_000, runs: 1, threads: vec![1, 2], ..IngestOptions::default() };
         let mut said = 0;
-        let rows = run(&options, &mut |_| said += 1, &AtomicBool::new(false)).unwrap();
+        let mut rows = Vec::new();
+        run(&options, &mut |_| said += 1, &AtomicBool::new(false), &mut rows).unwrap();
         assert_eq!(rows.len(), 4 * 2 * 2);
         assert!(said >= rows.len());
         for row in &rows {

@@ -5,6 +5,7 @@
 //! from the finest level up until a level is as high already. The four around the camera have priority. Points come
 //! from our decoder here, which is faster than the one it used.
 
+use super::frames::Stopped;
 use super::ingest::Case;
 use super::report::{LoadRow, Stat};
 use crate::attribute::ClassMask;
@@ -162,17 +163,18 @@ fn ours(scene: &mut Scene, case: &Case, threads: usize) -> anyhow::Result<[f64; 
     Ok([read, upload, packing.as_secs_f64()])
 }
 
-/// Loads `path` both ways, `runs` times in turn, warm.
+/// Loads `path` both ways, `runs` times in turn, warm; fewer times once `stop` is set. A row for each of `threads`, ours
+/// with so many, the thesis' the same in all.
 pub fn run(
     gpu: &Gpu,
     path: &Path,
     cell: f64,
     runs: u32,
+    threads: &[u32],
     progress: &mut dyn FnMut(&str),
     stop: &AtomicBool,
-) -> anyhow::Result<LoadRow> {
+) -> anyhow::Result<Vec<LoadRow>> {
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let case = Case::open(path, Some(cell))?;
     let extent = (case.bounds.max - case.bounds.min).truncate().max_element() / cell;
     // One more than there are, since the middle is that of a cell.
@@ -189,46 +191,54 @@ pub fn run(
     let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
     let bytes = gpu.bytes_for_sections(POOL_BYTES);
     let mut scene = Scene::new(gpu, |order: Order| order, Access::Address, bytes, seen, case.grid()?)?;
-    ours(&mut scene, &case, threads)?;
-    let [mut middle, mut all, mut open, mut read, mut upload, mut pack, mut total] =
-        [const { Vec::new() }; 7];
+    ours(&mut scene, &case, threads.iter().copied().max().unwrap_or(1) as usize)?;
+    let [mut middle, mut all] = [const { Vec::new() }; 2];
+    // Of each number of threads: open, read, upload, pack, all.
+    let mut times = vec![[const { Vec::new() }; 5]; threads.len()];
     let (mut kept, mut prioritized) = (0, true);
     for run in 1..=runs {
-        ensure!(!stop.load(Ordering::Relaxed), "stopped");
         progress(&format!("{name}: loading, run {run} of {runs}"));
         let ([first, last], points, set) = thesis(&case, side, levels, stop)?;
-        ensure!(!stop.load(Ordering::Relaxed), "stopped");
+        if stop.load(Ordering::Relaxed) {
+            // Whole runs count.
+            ensure!(run > 1, Stopped);
+            break;
+        }
         (kept, prioritized) = (points, prioritized && set);
         middle.push(first);
         all.push(last);
-        let begin = Instant::now();
-        // Ours has to look at the data first: bounds, coordinate system.
-        let case = Case::open(path, Some(cell))?;
-        open.push(begin.elapsed().as_secs_f64());
-        let [r, u, p] = ours(&mut scene, &case, threads)?;
-        read.push(r);
-        upload.push(u);
-        pack.push(p);
-        total.push(open[open.len() - 1] + r + u);
+        for (&threads, times) in threads.iter().zip(&mut times) {
+            let begin = Instant::now();
+            // Ours has to look at the data first: bounds, coordinate system. On all cores, whatever `threads` is.
+            let case = Case::open(path, Some(cell))?;
+            let open = begin.elapsed().as_secs_f64();
+            let [read, upload, pack] = ours(&mut scene, &case, threads as usize)?;
+            let all = [open, read, upload, pack, open + read + upload];
+            times.iter_mut().zip(all).for_each(|(times, seconds)| times.push(seconds));
+        }
     }
     let stat = |samples| Stat::of(samples).context("at least one run");
-    Ok(LoadRow {
-        file: name,
-        points: case.input[0].file.points(),
-        kept,
-        side: side as u32,
-        levels,
-        cell,
-        threads: threads as u32,
-        prioritized,
-        thesis_middle_s: stat(middle)?,
-        thesis_all_s: stat(all)?,
-        open_s: stat(open)?,
-        read_s: stat(read)?,
-        upload_s: stat(upload)?,
-        pack_s: stat(pack)?,
-        total_s: stat(total)?,
-    })
+    let row = |(&threads, times): (&u32, [Vec<f64>; 5])| {
+        let [open_s, read_s, upload_s, pack_s, total_s] = times.map(stat);
+        Ok(LoadRow {
+            file: name.clone(),
+            points: case.input[0].file.points(),
+            kept,
+            side: side as u32,
+            levels,
+            cell,
+            threads,
+            prioritized,
+            thesis_middle_s: stat(middle.clone())?,
+            thesis_all_s: stat(all.clone())?,
+            open_s: open_s?,
+            read_s: read_s?,
+            upload_s: upload_s?,
+            pack_s: pack_s?,
+            total_s: total_s?,
+        })
+    };
+    threads.iter().zip(times).map(row).collect()
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ pub mod report;
 pub mod steady;
 pub mod stream;
 pub mod thesis;
+pub mod towns;
 pub mod world;
 
 use crate::gpu::GpuError;

@@ -433,12 +433,15 @@ pub struct StreamRow {
     pub host_bytes: u64,
     /// With nothing there at first, threads reading.
     pub streaming: StreamFrames,
-    /// With everything there, nothing being read.
+    /// With everything there, nothing being read; two flights a run.
     pub resident: StreamFrames,
-    /// Streaming over resident, 95th percentiles of a run's frames: median of the runs.
-    pub ratio_p95: f64,
-    /// Run by run.
-    pub ratios: Vec<f64>,
+    /// Streaming over resident, 95th percentiles of a run's frames: median of the runs that have one.
+    pub ratio_p95: Option<f64>,
+    /// Run by run; `None`: its resident flights were too different.
+    pub ratios: Vec<Option<f64>>,
+    /// By how much the 95th percentiles of each run's two resident flights differ, of the lesser.
+    #[serde(default)]
+    pub spreads: Vec<f64>,
     /// Times that a frame waited for an upload: 0, or an error.
     pub waits: u64,
     /// Bytes of files read while streaming, all runs.
@@ -500,6 +503,9 @@ pub struct Report {
     /// See [`Report::compare`].
     #[serde(default)]
     pub ratios: Vec<Ratios>,
+    /// It was asked to end before all was measured.
+    #[serde(default)]
+    pub stopped: bool,
 }
 
 impl Report {
@@ -518,6 +524,7 @@ impl Report {
             peer: Vec::new(),
             stream: Vec::new(),
             ratios: Vec::new(),
+            stopped: false,
         }
     }
 
@@ -632,6 +639,9 @@ impl Report {
                 number(row.ratio),
                 100.0 * row.agree
             );
+        }
+        if self.stopped {
+            out.push_str("\nstopped: not everything that was asked for was measured\n");
         }
         out
     }
@@ -849,12 +859,12 @@ fn stream_table(out: &mut String, rows: &[StreamRow]) {
         let [mean, least] = streaming.ready_share().map(|share| 100.0 * share);
         let _ = writeln!(
             out,
-            "{:<18}{:>7}{:>24}{:>24}{:>6}x{:>21}{:>9}",
+            "{:<18}{:>7}{:>24}{:>24}{:>7}{:>21}{:>9}",
             cut(&format!("{} {}", row.data, row.path), 17),
             format!("{}x{}", row.runs, row.frames),
             stat(&streaming.frame_ms, 8),
             stat(&resident.frame_ms, 8),
-            number(row.ratio_p95),
+            row.ratio_p95.map_or("-".to_owned(), |ratio| number(ratio) + "x"),
             stat(&streaming.tick_ms, 7),
             format!("{mean:.0} {least:.0} %")
         );
@@ -873,11 +883,15 @@ fn stream_table(out: &mut String, rows: &[StreamRow]) {
     counted("frames with nothing to show yet", out, &|row| row.empty_frames);
     counted("frames of reduced detail, for lack of device memory", out, &|row| row.coarser_frames);
     counted("frames that should have been resident and were not", out, &|row| row.not_resident);
+    counted("runs without a ratio, resident flights differ by more than 10 %", out, &|row| {
+        row.ratios.iter().filter(|ratio| ratio.is_none()).count() as u64
+    });
     let waits: u64 = rows.iter().map(|row| row.waits).sum();
-    let frames: u64 = rows.iter().map(|row| 2 * u64::from(row.runs) * u64::from(row.frames)).sum();
+    let frames: u64 = rows.iter().map(|row| 3 * u64::from(row.runs) * u64::from(row.frames)).sum();
     let _ = writeln!(out, "frames that waited for streaming: {waits} of {frames}");
-    let worst = rows.iter().map(|row| row.ratio_p95).fold(0.0, f64::max);
-    let _ = writeln!(out, "largest ratio of 95th percentiles: {}x", number(worst));
+    if let Some(worst) = rows.iter().filter_map(|row| row.ratio_p95).reduce(f64::max) {
+        let _ = writeln!(out, "largest ratio of 95th percentiles: {}x", number(worst));
+    }
 }
 
 /// Two figures or three, never wider than 6.
@@ -1066,8 +1080,9 @@ pub(super) mod tests {
             host_bytes: 1 << 31,
             resident: StreamFrames { frame_ms: stat(&[39.0, 40.0, 41.0, 42.0]), ..streaming.clone() },
             streaming,
-            ratio_p95: 1.25,
-            ratios: vec![1.25],
+            ratio_p95: Some(1.25),
+            ratios: vec![Some(1.25), None],
+            spreads: vec![0.02, 0.5],
             waits: 0,
             bytes_read: 123_456_789,
             empty_frames: 1,
@@ -1081,7 +1096,8 @@ pub(super) mod tests {
         let mut report = Report::new("device", "driver", serde_json::Value::Null);
         report.stream = vec![stream_row("slow"), stream_row("fast"), stream_row("turn")];
         report.stream[1].waits = 3;
-        report.stream[1].ratio_p95 = 2.0;
+        report.stream[1].ratio_p95 = Some(2.0);
+        report.stream[2].ratio_p95 = None;
         let table = report.table();
         println!("{table}");
         assert!(table.lines().all(|line| line.chars().count() <= 110));
@@ -1090,7 +1106,12 @@ pub(super) mod tests {
         assert!(table.contains("uploaded: a long name slow 9.0 MB, "));
         assert!(table.contains("frames with nothing to show yet: a long name slow 1, "));
         assert!(!table.contains("reduced detail"));
-        assert!(table.contains("frames that waited for streaming: 3 of 24\n"));
+        assert!(
+            table.contains(
+                "runs without a ratio, resident flights differ by more than 10 %: a long name slow 1"
+            )
+        );
+        assert!(table.contains("frames that waited for streaming: 3 of 36\n"));
         assert!(table.contains("largest ratio of 95th percentiles: 2.00x"));
         let text = serde_json::to_string(&report).unwrap();
         assert!(text.contains("\"kind\":\"stream\""));

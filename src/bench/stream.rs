@@ -2,13 +2,19 @@
 //!
 //! A frame is what the window's is: residency ([`Live::tick`], which never waits), section table, passes of the
 //! picture; the next one begins when its picture is seen done. First it is flown with nothing there, worker threads
-//! reading beside; then, with what every camera of the path wants on the device and nothing being read, again.
+//! reading beside; then, with what every camera of the path wants on the device and nothing being read, twice more.
+//!
+//! A device whose clock follows its load is kept busy: before each frame, in all flights, it draws the same picture as
+//! it then is, untimed, for [`KEEP_WARM_MS`], and for [`WARM_MS`] before the first. So it never rests, however little a
+//! frame has to draw yet, and its clock is the same in all flights. Whether that was so the two flights with everything
+//! there tell: a run in which they differ too much has no ratio.
 
 use super::frames::Stopped;
 use super::ms;
 use super::report::{Stat, StreamFrames, StreamKind, StreamRow};
+use super::steady::{Repeats, WARM_MS};
 use crate::attribute::{ClassMask, ColorTable};
-use crate::gpu::{Gpu, Order, QueueKind, Timestamps};
+use crate::gpu::{DeviceKind, Gpu, Order, QueueKind, SyncPoint, Timestamps};
 use crate::load::{self, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
 use crate::render::camera::{Camera, Projection};
@@ -22,10 +28,12 @@ use crate::stream::live::{FRAME_BYTES, Live};
 use crate::stream::pool::Access;
 use crate::stream::residency::Sight;
 use crate::stream::scene::{Scene, Visibility};
+use crate::stream::table::Table;
 use anyhow::Context;
 use glam::DVec2;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -34,6 +42,9 @@ pub const PATHS: [PathKind; 6] =
     [PathKind::Slow, PathKind::Fast, PathKind::Descent, PathKind::Grazing, PathKind::Random, PathKind::Turn];
 /// How much longer the slow frames (p95) may be while sections stream in.
 pub const MOST_RATIO: f64 = 1.5;
+/// Untimed work before each frame but the first, where the device's clock follows its load, ms by the host's clock: some
+/// frames' worth, so that the timed one finds the device as busy as the last one did.
+const KEEP_WARM_MS: f64 = 10.0;
 /// Bytes uploaded between two looks while everything is fetched before it is measured.
 const FILL_BYTES: u64 = 8 << 20;
 /// Crossings of the data that lie side by side on the fast path.
@@ -55,6 +66,8 @@ pub struct Options<'a> {
     pub host_bytes: u64,
     /// How files are opened.
     pub load: LoadOptions,
+    /// No progress bar.
+    pub quiet: bool,
     /// Set: ends before the next frame.
     pub stop: &'a AtomicBool,
 }
@@ -72,6 +85,8 @@ pub struct Case<'a> {
     scene: Scene,
     renderer: Renderer,
     clock: Option<Timestamps>,
+    /// The device's clock follows its load.
+    clock_wanders: bool,
     errors: BTreeSet<String>,
 }
 
@@ -131,6 +146,14 @@ fn p95(flight: &Flight) -> f64 {
     Stat::of(all).expect("a path has a frame").p95
 }
 
+/// Of the slow frames of one run, streaming over resident; `None` where those of the two resident flights differ by more
+/// than [`MOST_SPREAD`](super::steady::MOST_SPREAD). And by how much they differ.
+fn ratio(streaming: &Flight, resident: &[Flight; 2]) -> (Option<f64>, f64) {
+    let resident = Repeats { ms: resident.iter().map(p95).collect(), is_cold: false };
+    let ratio = resident.median().filter(|_| resident.is_steady()).map(|resident| p95(streaming) / resident);
+    (ratio, resident.spread().unwrap_or(f64::INFINITY))
+}
+
 /// East and back over the data, [`FAST_CELLS`] finest cells in each of `frames` frames, a little farther north at
 /// each turn.
 fn back_and_forth(stage: &Stage, size: DVec2, frames: u32) -> Result<CameraPath, PathFault> {
@@ -185,6 +208,7 @@ impl<'a> Case<'a> {
             about,
             renderer: Renderer::new(&scene, grid, anchor)?,
             clock: Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?,
+            clock_wanders: gpu.info().kind != DeviceKind::Cpu,
             errors: BTreeSet::new(),
             scene,
         })
@@ -235,19 +259,18 @@ impl<'a> Case<'a> {
         Ok(Live::new(inputs, grid, core, self.options.host_bytes, load::threads(), || ()))
     }
 
-    /// One frame, from the camera to its picture.
-    fn frame(&mut self, live: &mut Live, camera: &Camera) -> anyhow::Result<Frame> {
-        if self.options.stop.load(Ordering::Relaxed) {
-            return Err(Stopped.into());
-        }
-        let before = self.scene.counters().section_bytes;
+    /// Draws what is there, untimed, for so long where the device's clock follows its load.
+    fn keep_warm(&mut self, live: &Live, camera: &Camera, for_ms: f64) -> anyhow::Result<()> {
         let begin = Instant::now();
-        let sight = self.sight(camera)?;
-        live.tick(&mut self.scene, &sight, FRAME_BYTES)?;
-        self.scene.flush()?;
-        let tick_ms = ms(begin);
-        let table = self.renderer.table_of_live(&self.scene, live);
-        let table_ms = ms(begin) - tick_ms;
+        while self.clock_wanders && ms(begin) < for_ms {
+            let table = self.renderer.table_of_live(&self.scene, live);
+            self.draw(camera, &table, false)?;
+        }
+        Ok(())
+    }
+
+    /// Draws `camera` and waits for the picture.
+    fn draw(&mut self, camera: &Camera, table: &Arc<Table>, is_timed: bool) -> anyhow::Result<SyncPoint> {
         let view = View {
             camera,
             size: self.options.size,
@@ -262,8 +285,26 @@ impl<'a> Case<'a> {
             traversal: Traversal::Fast,
             window: None,
         };
-        let point = self.renderer.submit_frame(&mut self.scene, &view, &table, self.clock.as_mut())?;
+        let clock = self.clock.as_mut().filter(|_| is_timed);
+        let point = self.renderer.submit_frame(&mut self.scene, &view, table, clock)?;
         self.scene.order.wait(point)?;
+        Ok(point)
+    }
+
+    /// One frame, from the camera to its picture.
+    fn frame(&mut self, live: &mut Live, camera: &Camera) -> anyhow::Result<Frame> {
+        if self.options.stop.load(Ordering::Relaxed) {
+            return Err(Stopped.into());
+        }
+        let before = self.scene.counters().section_bytes;
+        let begin = Instant::now();
+        let sight = self.sight(camera)?;
+        live.tick(&mut self.scene, &sight, FRAME_BYTES)?;
+        self.scene.flush()?;
+        let tick_ms = ms(begin);
+        let table = self.renderer.table_of_live(&self.scene, live);
+        let table_ms = ms(begin) - tick_ms;
+        let point = self.draw(camera, &table, true)?;
         let frame_ms = ms(begin);
         // The rest is off the clock. Nothing becomes live before the next tick.
         let status = live.status(&self.scene);
@@ -289,8 +330,16 @@ impl<'a> Case<'a> {
     /// A frame for each of `cameras`, one after the other.
     fn flight(&mut self, live: &mut Live, cameras: &[Camera]) -> anyhow::Result<Flight> {
         let before = self.scene.counters().waits;
-        let frames = cameras.iter().map(|camera| self.frame(live, camera));
-        let frames = frames.collect::<anyhow::Result<Vec<_>>>()?;
+        let bar =
+            load::bar(cameras.len() as u64, self.options.quiet, "{wide_bar} frame {pos} of {len} {eta}");
+        let frames = cameras.iter().enumerate().map(|(at, camera)| {
+            bar.inc(1);
+            self.keep_warm(live, camera, if at == 0 { WARM_MS } else { KEEP_WARM_MS })?;
+            self.frame(live, camera)
+        });
+        let frames = frames.collect::<anyhow::Result<Vec<_>>>();
+        bar.finish_and_clear();
+        let frames = frames?;
         self.errors.extend(live.take_errors());
         let waits = self.scene.counters().waits - before;
         Ok(Flight { frames, waits, bytes_read: live.status(&self.scene).progress.bytes_read })
@@ -340,30 +389,51 @@ impl<'a> Case<'a> {
         path.spread(self.options.frames).map(camera).collect()
     }
 
-    /// Flies `path` both ways, run after run. `progress` is told what comes next.
+    /// What is drawn with nothing there, and twice with everything there.
+    fn run(
+        &mut self,
+        cameras: &[Camera],
+        at: &str,
+        progress: &mut dyn FnMut(&str),
+    ) -> anyhow::Result<(Flight, [Flight; 2])> {
+        progress(&format!("{at}: streaming"));
+        let mut live = self.start()?;
+        let streaming = self.flight(&mut live, cameras)?;
+        progress(&format!("{at}: fetching the rest"));
+        live.restore_detail();
+        for camera in cameras {
+            self.complete(&mut live, camera)?;
+        }
+        live.pause(true);
+        self.scene.settle()?;
+        progress(&format!("{at}: everything there"));
+        // What the threads had begun is over by then.
+        self.frame(&mut live, &cameras[0])?;
+        let resident = self.flight(&mut live, cameras)?;
+        Ok((streaming, [resident, self.flight(&mut live, cameras)?]))
+    }
+
+    /// Flies `path` both ways, run after run; fewer runs, but one, once asked to stop. `progress` is told what comes next.
     pub fn fly(&mut self, path: &CameraPath, progress: &mut dyn FnMut(&str)) -> anyhow::Result<StreamRow> {
         let cameras = self.cameras(path)?;
         let options = self.options;
         let name = path.name().unwrap_or("path");
-        let (mut streaming, mut resident) = (Vec::new(), Vec::new());
+        let (mut streaming, mut resident, mut ratios) = (Vec::new(), Vec::new(), Vec::new());
+        let mut spreads = Vec::new();
         for run in 1..=options.runs {
             let at = format!("{}: {name}, run {run} of {}", self.name, options.runs);
-            progress(&format!("{at}: streaming"));
-            let mut live = self.start()?;
-            streaming.push(self.flight(&mut live, &cameras)?);
-            progress(&format!("{at}: fetching the rest"));
-            live.restore_detail();
-            for camera in &cameras {
-                self.complete(&mut live, camera)?;
+            match self.run(&cameras, &at, progress) {
+                Ok((flight, twice)) => {
+                    let (ratio, spread) = ratio(&flight, &twice);
+                    ratios.push(ratio);
+                    spreads.push(spread);
+                    streaming.push(flight);
+                    resident.extend(twice);
+                }
+                Err(error) if error.is::<Stopped>() && !streaming.is_empty() => break,
+                Err(error) => return Err(error),
             }
-            live.pause(true);
-            self.scene.settle()?;
-            progress(&format!("{at}: everything there"));
-            // What the threads had begun is over by then.
-            self.frame(&mut live, &cameras[0])?;
-            resident.push(self.flight(&mut live, &cameras)?);
         }
-        let ratios: Vec<_> = streaming.iter().zip(&resident).map(|(s, r)| p95(s) / p95(r)).collect();
         let all = |flights: &[Flight], of: &dyn Fn(&Frame) -> bool| {
             flights.iter().flat_map(|flight| &flight.frames).filter(|frame| of(frame)).count() as u64
         };
@@ -375,13 +445,14 @@ impl<'a> Case<'a> {
             cell: self.cell,
             path: name.to_owned(),
             frames: cameras.len() as u32,
-            runs: options.runs,
+            runs: streaming.len() as u32,
             size: options.size,
             threads: load::threads() as u32,
             device_bytes: options.device_bytes,
             host_bytes: options.host_bytes,
-            ratio_p95: Stat::of(ratios.clone()).context("at least one run")?.median,
+            ratio_p95: Stat::of(ratios.iter().flatten().copied().collect()).map(|ratios| ratios.median),
             ratios,
+            spreads,
             waits: streaming.iter().chain(&resident).map(|flight| flight.waits).sum(),
             bytes_read: streaming.iter().map(|flight| flight.bytes_read).sum(),
             empty_frames: all(&streaming, &|frame| frame.shown == 0),
@@ -418,6 +489,9 @@ mod tests {
             |ms: f64, ready| Frame { frame_ms: ms, ready, wanted: 4, coarser: 1.0, ..Frame::default() };
         let a = Flight { frames: (1..=21).map(|n| frame(f64::from(n), 4)).collect(), ..Flight::default() };
         assert_eq!(p95(&a), 20.0);
+        let flight = |ms| Flight { frames: vec![frame(ms, 4)], ..Flight::default() };
+        assert_eq!(ratio(&a, &[flight(10.0), flight(10.0)]), (Some(2.0), 0.0));
+        assert_eq!(ratio(&a, &[flight(10.0), flight(12.5)]), (None, 0.25));
         let b = Flight { frames: vec![frame(50.0, 1)], ..Flight::default() };
         let both = frames_of(&[a, b], false);
         assert_eq!((both.frame_ms.samples.len(), both.frame_ms.max), (22, 50.0));

@@ -4,13 +4,14 @@ use super::placement::PlacementArgs;
 use super::render::{bytes, positive, size, usage_of_load};
 use super::synth::count;
 use super::{Outcome, UsageError, check_targets};
-use crate::bench::frames::{self, Options, PoolRun, ThesisRun, Traced};
+use crate::bench::frames::{self, Options, PoolRun, Stopped, ThesisRun, Traced};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::load as loading;
 use crate::bench::report::{Pipeline, Report, Row, ScalingRow, Skipped, Stat};
 use crate::bench::steady::Repeats;
 use crate::bench::stream;
 use crate::bench::thesis::{Config, STRIPS, Thesis};
+use crate::bench::towns::{Set, Towns};
 use crate::bench::world::{self, TOWN_POINTS, World};
 use crate::bench::{self, FrameTimes, plot};
 use crate::gpu::{DeviceKind, Gpu, GpuError, GpuOptions};
@@ -28,8 +29,7 @@ use anyhow::Context;
 use serde_json::json;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Share of pixels in which the pipelines' pictures may differ.
 const MOST_DIFFER: f64 = 1e-3;
@@ -39,9 +39,8 @@ const INGEST_POINTS: u64 = 20_000_000;
 const LOAD_POINTS: u64 = 4_000_000;
 /// Runs that figures of loading and of scaling are medians of.
 const LOAD_RUNS: u32 = 3;
-/// Points of each town that is streamed, in a square metre and in all.
+/// Points of each town that is streamed.
 const STREAM_POINTS: u64 = 20_000_000;
-const STREAM_DENSITY: f64 = 8.0;
 /// Frames of a path that is streamed.
 const STREAM_FRAMES: u32 = 120;
 /// Pixels of a frame.
@@ -105,6 +104,10 @@ pub struct Args {
     #[arg(long, value_parser = size, help_heading = "Frames", value_name = "WxH")]
     strip: Option<[u32; 2]>,
 
+    /// Numbers of threads that read, `all`: one a core [default: --ingest 1,all, --load all]
+    #[arg(long, value_delimiter = ',', value_parser = number_of_threads, help_heading = "Reading", value_name = "N,…")]
+    threads: Vec<Threads>,
+
     /// Light
     #[arg(long, value_enum, default_value = "lit", requires = "stream", help_heading = "Streaming")]
     shade: Shade,
@@ -139,6 +142,9 @@ pub struct Args {
     /// Which town, which random path
     #[arg(long, default_value_t = 1, help_heading = "Data")]
     seed: u64,
+    /// Neither use nor keep synthetic files, and compiled programs, in the user's cache folder
+    #[arg(long, help_heading = "Data")]
+    no_cache: bool,
     #[command(flatten)]
     placement: PlacementArgs,
 
@@ -162,9 +168,12 @@ Without a part: frames. Both pipelines trace the same cells along the same paths
 Times are device timestamps where the device has them; docs/performance.md says what is measured and how.
 
 --stream: each path is flown from nothing, frame upon frame, while threads read the files; then what all of its
-cameras want is fetched, reading stops, and the same frames are drawn again. Both in turn, --runs times; the ratio is
-the median of the runs' own, the other figures are over the frames of all runs. The fast path goes back and forth over
+cameras want is fetched, reading stops, and the same frames are drawn twice more. All in turn, --runs times; the ratio
+is the median of those of the runs in which the last two flights are alike, the other figures are over all frames. The fast path goes back and forth over
 the data, 256 cells a frame. Shaders are compiled before.
+
+Ctrl-C and, on Unix, SIGTERM end it after the frame or run at hand, with tables, --json and --plot of all that was
+measured whole until then; a second one ends it at once.
 
 Exit codes: 0 done; 1 failed, stopped, a frame that waited for streaming, or pictures that differ in more than 0.1 % of
 the pixels; 2 wrong arguments.
@@ -202,6 +211,18 @@ fn config(text: &str) -> Result<Config, String> {
     Ok(Config { grid, levels })
 }
 
+/// A number of threads.
+#[derive(Clone, Copy, Debug)]
+struct Threads(u32);
+
+fn number_of_threads(text: &str) -> Result<Threads, String> {
+    let number = match text.trim() {
+        "all" => Some(load::threads() as u32),
+        text => text.parse().ok().filter(|n| (1..=1024).contains(n)),
+    };
+    number.map(Threads).ok_or_else(|| format!("'{text}' is not a number of threads from 1 to 1024, or all"))
+}
+
 static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Measures.
@@ -232,9 +253,13 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     if args.plot.is_some() && !draws {
         return Err(usage(&"--plot: no frames are measured"));
     }
-    let cache = Cache::of_user().map(|cache| cache.folder().to_owned());
-    let gpu =
-        Gpu::new(&GpuOptions { device: args.device, cache, ..Default::default() }).map_err(|e| match e {
+    if !args.threads.is_empty() && !args.ingest && !args.load {
+        return Err(usage(&"--threads: only --ingest and --load take it"));
+    }
+    let cache = if args.no_cache { None } else { Cache::of_user() };
+    let cache = cache.map(|cache| cache.folder().to_owned());
+    let gpu = Gpu::new(&GpuOptions { device: args.device, cache: cache.clone(), ..Default::default() })
+        .map_err(|e| match e {
             GpuError::NoSuchDevice { .. } => usage(&e),
             e => e.into(),
         })?;
@@ -249,7 +274,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
             std::process::exit(130);
         }
     };
-    ctrlc::set_handler(stop).context("cannot listen for Ctrl-C")?;
+    crate::stop::on_request(stop)?;
 
     let settings = json!({
         "inputs": args.inputs.iter().map(|i| i.to_string_lossy()).collect::<Vec<_>>(),
@@ -266,30 +291,37 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     });
     let mut report = Report::new(&gpu.info().name, &gpu.info().driver, settings);
     problems.look_at(&found);
-    let mut harness = Harness { args: &args, found: &found, size, gpu: &gpu, report: &mut report, problems };
+    let mut harness =
+        Harness { args: &args, found: &found, size, cache, gpu: &gpu, report: &mut report, problems };
     let mut result = Ok(());
     if draws {
         result = harness.frames(files.clone());
     }
+    // Between parts, too.
+    let go_on = |result: anyhow::Result<()>| {
+        if STOP.load(Ordering::Relaxed) { result.and(Err(Stopped.into())) } else { result }
+    };
+    result = go_on(result);
     if args.stream && result.is_ok() {
-        result = harness.stream(files);
+        result = go_on(harness.stream(files));
     }
     if args.ingest && result.is_ok() {
-        result = harness.ingest();
+        result = go_on(harness.ingest());
     }
     if args.load && result.is_ok() {
-        result = harness.load();
+        result = go_on(harness.load());
     }
     if args.scaling && result.is_ok() {
-        result = harness.scaling();
+        result = go_on(harness.scaling());
     }
     #[cfg(feature = "embree")]
     if args.peer && result.is_ok() {
-        result = harness.peer();
+        result = go_on(harness.peer());
     }
-    // What was measured before an error is worth its file.
+    // What was measured before an error or the wish to stop is worth its file.
     report.compare();
     if let Err(error) = &result {
+        report.stopped = error.is::<Stopped>();
         problems.blame(&error.to_string());
     }
     // What no part has printed.
@@ -357,6 +389,8 @@ struct Harness<'a> {
     args: &'a Args,
     found: &'a Inputs,
     size: [u32; 2],
+    /// The user's cache folder, if it is to be used.
+    cache: Option<PathBuf>,
     gpu: &'a Gpu,
     report: &'a mut Report,
     problems: &'a mut Problems,
@@ -369,8 +403,15 @@ impl Harness<'_> {
         }
     }
 
+    /// An error once the program was asked to end.
+    fn check(&self) -> Result<(), Stopped> {
+        if STOP.load(Ordering::Relaxed) { Err(Stopped) } else { Ok(()) }
+    }
+
     fn world(&mut self, cell: f64, widest: f64) -> anyhow::Result<(World, Fit)> {
-        world(self.args, self.found, [cell, widest], self.problems)
+        let world = world(self.args, self.found, [cell, widest], self.problems)?;
+        self.check()?;
+        Ok(world)
     }
 
     /// Both pipelines along all paths.
@@ -471,7 +512,8 @@ impl Harness<'_> {
         let Config { grid, levels } = config;
         let name = path.name().unwrap_or("path");
         let frames = args.frames.unwrap_or(path.frames()).min(path.frames());
-        let options = Options { size: self.size, frames, rounds: frames::ROUNDS, stop: &STOP };
+        let options =
+            Options { size: self.size, frames, rounds: frames::ROUNDS, quiet: args.quiet, stop: &STOP };
         let rays = u64::from(self.size[0]) * u64::from(self.size[1]);
         let strip = thesis.as_ref().map(Thesis::strip);
         let flight = frames::run(self.gpu, world, config, path, *pool_fits, thesis.as_mut(), &options)?;
@@ -524,21 +566,29 @@ impl Harness<'_> {
             device_bytes: self.gpu.bytes_for_sections(args.device_memory),
             host_bytes: args.host_memory,
             load: LoadOptions { quiet: true, ..load_options(args) },
+            quiet: args.quiet,
             stop: &STOP,
         };
         let kinds = match &args.paths[..] {
             [] if files.is_empty() => &stream::PATHS[..],
             chosen => chosen,
         };
-        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+        let mut towns = self.towns();
         let mut data = Vec::new();
         match &args.inputs[..] {
             [] => {
                 let points = args.points.unwrap_or(STREAM_POINTS);
-                for &kind in &args.format {
-                    self.say(format_args!("writing {points} points as {}", kind.name()));
-                    data.push((kind.name().to_owned(), write_town(folder.path(), kind, args.seed, points)?));
-                }
+                let set = |kind: &Kind| Set {
+                    name: "town",
+                    format: synth::Format::Seven,
+                    compress: *kind == Kind::Laz,
+                    is_tiled: true,
+                    seed: args.seed,
+                    points,
+                };
+                let sets: Vec<_> = args.format.iter().map(set).collect();
+                let files = towns.files(&sets, &mut |what| self.say(format_args!("{what}")))?;
+                data.extend(args.format.iter().map(|kind| kind.name().to_owned()).zip(files));
             }
             inputs => {
                 let name = Path::new(&inputs[0]).file_stem().unwrap_or_default();
@@ -570,6 +620,7 @@ impl Harness<'_> {
                     row.data, row.path, row.streaming.frame_ms.p95, row.resident.frame_ms.p95, row.waits
                 ));
                 self.report.stream.push(row);
+                self.check()?;
             }
             case.take_errors().iter().for_each(|error| self.problems.error(error));
         }
@@ -580,18 +631,25 @@ impl Harness<'_> {
     fn load(&mut self) -> anyhow::Result<()> {
         let args = self.args;
         let mut files = self.files()?;
-        let folder = tempfile::tempdir().context("cannot make a temporary folder")?;
+        let mut towns = self.towns();
         if files.is_empty() {
-            let points = args.points.unwrap_or(LOAD_POINTS);
-            let file = folder.path().join("town.las");
-            self.say(format_args!("writing {points} points"));
-            ingest::make(&file, synth::Format::Three, points)?;
-            files.push(file);
+            let set = Set {
+                name: "town",
+                format: synth::Format::Three,
+                compress: false,
+                is_tiled: false,
+                seed: args.seed,
+                points: args.points.unwrap_or(LOAD_POINTS),
+            };
+            let made = towns.files(&[set], &mut |what| self.say(format_args!("{what}")))?;
+            files.extend(made.into_iter().flatten());
         }
+        let threads = if args.threads.is_empty() { vec![load::threads() as u32] } else { self.threads() };
         for file in files {
             let mut say = |what: &str| self.say(format_args!("{what}"));
-            let row = loading::run(self.gpu, &file, args.cell, LOAD_RUNS, &mut say, &STOP)?;
-            self.report.load.push(row);
+            let rows = loading::run(self.gpu, &file, args.cell, LOAD_RUNS, &threads, &mut say, &STOP)?;
+            self.report.load.extend(rows);
+            self.check()?;
         }
         Ok(())
     }
@@ -605,7 +663,7 @@ impl Harness<'_> {
         let kinds = if args.paths.is_empty() { &SCALING_PATHS[..] } else { &args.paths };
         let frames = args.frames.unwrap_or(SCALING_FRAMES);
         let frames = frames.div_ceil(SCALING_ROUNDS);
-        let options = Options { size: self.size, frames, rounds: 1, stop: &STOP };
+        let options = Options { size: self.size, frames, rounds: 1, quiet: args.quiet, stop: &STOP };
         let mut sides = Vec::new();
         for (config, cell) in [(coarse, 2.0 * args.cell), (fine, args.cell)] {
             let (world, _) = self.world(cell, 2.0 * args.cell)?;
@@ -619,10 +677,11 @@ impl Harness<'_> {
                 self.choose_strip(world, *config, path, thesis)?;
             }
         }
-        // [thesis, pool] of each path, coarse and fine.
-        let mut times = vec![[const { [const { Vec::new() }; 2] }; 2]; paths.len()];
+        let cells = [coarse, fine].map(|config| f64::from(config.side()).powi(2));
         // In turn, so that what else the machine does is the same for both.
-        for (path, times) in paths.iter().zip(&mut times) {
+        for path in &paths {
+            // [thesis, pool], coarse and fine.
+            let mut times = [const { [const { Vec::new() }; 2] }; 2];
             for round in 1..=SCALING_ROUNDS {
                 self.say(format_args!(
                     "scaling: {}, {round} of {SCALING_ROUNDS}",
@@ -641,11 +700,8 @@ impl Harness<'_> {
                     }
                 }
             }
-        }
-        let cells = [coarse, fine].map(|config| f64::from(config.side()).powi(2));
-        for (pipeline, k) in [(Pipeline::Thesis, 0), (Pipeline::Pool, 1)] {
-            for (path, times) in paths.iter().zip(&times) {
-                let medians = times[k].clone().map(|times| Stat::of(times).map(|stat| stat.median));
+            for (pipeline, times) in [Pipeline::Thesis, Pipeline::Pool].into_iter().zip(times) {
+                let medians = times.map(|times| Stat::of(times).map(|stat| stat.median));
                 let [Some(less), Some(more)] = medians else { continue };
                 self.report.scaling.push(ScalingRow {
                     what: format!("trace, {}, {}", pipeline.name(), path.name().unwrap_or("path")),
@@ -664,13 +720,15 @@ impl Harness<'_> {
         for points in [(all / 4).max(1), all] {
             let options = IngestOptions {
                 points,
-                cell: Some(args.cell),
+                files: Vec::new(),
                 cold: false,
                 runs: LOAD_RUNS,
-                threads: vec![std::thread::available_parallelism().map_or(1, |n| n.get() as u32)],
-                ..IngestOptions::default()
+                threads: vec![load::threads() as u32],
+                ..self.ingest_options()?
             };
-            read.push(ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP)?);
+            let mut rows = Vec::new();
+            ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP, &mut rows)?;
+            read.push(rows);
         }
         for (less, more) in read[0].iter().zip(&read[1]) {
             let rows = [less, more];
@@ -698,49 +756,45 @@ impl Harness<'_> {
         Ok(())
     }
 
-    /// Reading and binning.
-    fn ingest(&mut self) -> anyhow::Result<()> {
+    /// Numbers of threads that were asked for, each once.
+    fn threads(&self) -> Vec<u32> {
+        let mut threads = Vec::new();
+        for &Threads(number) in &self.args.threads {
+            if !threads.contains(&number) {
+                threads.push(number);
+            }
+        }
+        threads
+    }
+
+    /// Files that are made.
+    fn towns(&self) -> Towns<'static> {
+        Towns::new(self.cache.as_deref(), self.args.quiet, &STOP)
+    }
+
+    fn ingest_options(&self) -> anyhow::Result<IngestOptions> {
         let args = self.args;
-        let options = IngestOptions {
+        Ok(IngestOptions {
+            seed: args.seed,
             points: args.points.unwrap_or(INGEST_POINTS),
+            kept: self.cache.clone(),
+            quiet: args.quiet,
             files: self.files()?,
             cell: Some(args.cell),
             ..IngestOptions::default()
-        };
-        let rows = ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP)?;
-        self.report.ingest = rows;
-        Ok(())
+        })
     }
-}
 
-/// Tiles of a town in `folder`, on all cores.
-fn write_town(folder: &Path, kind: Kind, seed: u64, points: u64) -> anyhow::Result<Vec<PathBuf>> {
-    let side = (points as f64 / STREAM_DENSITY).sqrt();
-    let tiles = synth::square([-side / 2.0; 2], side, points);
-    let town = synth::Town::new(seed);
-    let files: Vec<_> =
-        (0..tiles.len()).map(|k| folder.join(format!("town{k:02}.{}", kind.name()))).collect();
-    let (next, failed) = (AtomicUsize::new(0), Mutex::new(None));
-    std::thread::scope(|scope| {
-        for _ in 0..load::threads() {
-            scope.spawn(|| {
-                loop {
-                    let k = next.fetch_add(1, Ordering::Relaxed);
-                    let (Some(tile), Some(file)) = (tiles.get(k), files.get(k)) else { return };
-                    let compress = kind == Kind::Laz;
-                    let format = synth::Format::Seven;
-                    if let Err(error) = synth::write_tile(&town, tile, file, format, compress, &STOP, |_| ())
-                    {
-                        *failed.lock().unwrap_or_else(|e| e.into_inner()) = Some(error);
-                        return;
-                    }
-                }
-            });
+    /// Reading and binning.
+    fn ingest(&mut self) -> anyhow::Result<()> {
+        let mut options = self.ingest_options()?;
+        if !self.args.threads.is_empty() {
+            options.threads = self.threads();
         }
-    });
-    match failed.into_inner().unwrap_or_else(|e| e.into_inner()) {
-        None => Ok(files),
-        Some(error) => Err(error.into()),
+        let mut rows = Vec::new();
+        let result = ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP, &mut rows);
+        self.report.ingest = rows;
+        result
     }
 }
 

@@ -819,7 +819,7 @@ fn draw_film(
             std::process::exit(130);
         }
     };
-    ctrlc::set_handler(stop).context("cannot listen for Ctrl-C")?;
+    crate::stop::on_request(stop)?;
     let bar =
         load::bar(cameras.len() as u64, quiet, "drawing {wide_bar} {human_pos}/{human_len} pictures {eta}");
     for (number, camera) in (0..).zip(cameras) {

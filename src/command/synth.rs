@@ -219,7 +219,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
             .map_err(|e| anyhow::anyhow!("{}: cannot make the folder: {e}", folder.display()))?;
     }
     static STOP: AtomicBool = AtomicBool::new(false);
-    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).context("cannot listen for Ctrl-C")?;
+    crate::stop::on_request(|| STOP.store(true, Ordering::Relaxed))?;
 
     let bar = if args.quiet { ProgressBar::hidden() } else { ProgressBar::new(args.points) };
     let style = "{bar:30} {human_pos}/{human_len} points, {per_sec}, {eta} left";

@@ -115,7 +115,7 @@ pub fn run(options: Options, problems: &mut Problems) -> anyhow::Result<()> {
     let proxy = events.create_proxy();
     let quit = proxy.clone();
     // The loop may be gone already.
-    ctrlc::set_handler(move || drop(quit.send_event(Wake::Quit))).context("cannot listen for Ctrl-C")?;
+    crate::stop::on_request(move || drop(quit.send_event(Wake::Quit)))?;
     let mut app = App { options, proxy, started, viewer: None, error: None };
     events.run_app(&mut app).context("the window's event loop")?;
     let App { options, mut viewer, error, .. } = app;
