@@ -5,7 +5,7 @@
 //! reading beside; then, with what every camera of the path wants on the device and nothing being read, twice more.
 //!
 //! A device whose clock follows its load is kept busy: before each frame, in all flights, it draws the same picture as
-//! it then is, untimed, for [`KEEP_WARM_MS`], and for [`WARM_MS`] before the first. So it never rests, however little a
+//! it then is, untimed, for `KEEP_WARM_MS`, and for `WARM_MS` before the first. So it never rests, however little a
 //! frame has to draw yet, and its clock is the same in all flights. Whether that was so the two flights with everything
 //! there tell: a run in which they differ too much has no ratio.
 
