@@ -247,7 +247,8 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
             PlacementNote::LeftOut { .. } => problems.error(line),
             PlacementNote::NotDegrees { .. }
             | PlacementNote::NotGeocentric { .. }
-            | PlacementNote::VerticalSystems(_) => problems.warn(line),
+            | PlacementNote::VerticalSystems(_)
+            | PlacementNote::NoFit(_) => problems.warn(line),
             _ => problems.note(line),
         }
     }

@@ -236,12 +236,10 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
         let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| point.is_finite()).collect();
         let file = &files[index].file;
-        // Points that are all known need no header; a header that leaves out the few that are known is wrong. A box
-        // that was turned is wider than what is in it: where points tell enough it is not needed.
-        let is_wide = placement.is_transformed() && placed.len() >= TELLING;
-        let header = header_bounds(file, placement).filter(|bounds| {
-            !(is_wide || whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed)
-        });
+        // Points that are all known need no header; a header that leaves out the few that are known is wrong. Of a file
+        // of another system the box is wider than what is in it; nothing may lie outside, since nothing is drawn there.
+        let header = header_bounds(file, placement, DVec3::ZERO)
+            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed));
         (file.points() > 0).then(|| frame::Framed::of(header, &placed))
     };
     let framed: Vec<frame::Framed> =
@@ -270,11 +268,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
     };
     let patches = ground::patches(&places, &seen, &ground);
     let reach = |index: usize| {
-        let placement = world.placements[index].as_ref()?;
-        let header = header_bounds(&files[index].file, placement)?;
+        let (file, placement) = (&files[index].file, world.placements[index].as_ref()?);
+        // Headers round; a step more holds what they mean, however small cells are.
+        let header = header_bounds(file, placement, file.header.scale.abs())?;
         let inside = |(seen, _): &(&Seen, f64)| {
-            let (point, scale) = (place(index, seen), files[index].file.header.scale.abs());
-            point.cmpge(header.min - scale).all() && point.cmple(header.max + scale).all()
+            let point = place(index, seen);
+            point.cmpge(header.min).all() && point.cmple(header.max).all()
         };
         weighted[index].iter().all(inside).then_some(header)
     };
@@ -488,8 +487,8 @@ fn spread(values: impl Iterator<Item = (f64, f64)>) -> Spread {
     Spread { min, max, p2, p98 }
 }
 
-/// Header bounds in the world, where points of the file can lie at them.
-fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
+/// Header bounds in the world, where points of the file can lie at them, wider by `slack` file units on each side.
+fn header_bounds(file: &LidarFile, placement: &Placement, slack: DVec3) -> Option<Bounds> {
     let (min, max) = (file.header.min, file.header.max);
     // Raw coordinates are i32; half a step is what rounding takes.
     let stored = |corner: DVec3| {
@@ -498,7 +497,7 @@ fn header_bounds(file: &LidarFile, placement: &Placement) -> Option<Bounds> {
     if !placement.keeps_axes() || !stored(min) || !stored(max) || !min.cmple(max).all() {
         return None;
     }
-    let [min, max] = placement.bounds(min, max)?;
+    let [min, max] = placement.bounds(min - slack, max + slack)?;
     Bounds::new(min, max)
 }
 

@@ -126,7 +126,7 @@ pub struct Args {
     #[arg(long, help_heading = "Layers")]
     withheld: bool,
 
-    /// Side of a cell in CRS units, or auto
+    /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), or auto
     #[arg(long, default_value = "auto", value_parser = cell, help_heading = "Data")]
     cell: Cell,
     #[command(flatten)]

@@ -70,7 +70,7 @@ pub struct Args {
     #[arg(long, requires = "path", help_heading = "Camera")]
     quit: bool,
 
-    /// Side of a cell in CRS units, or auto
+    /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), or auto
     #[arg(long, default_value = "auto", value_parser = render::cell, help_heading = "Data")]
     cell: Cell,
     #[command(flatten)]

@@ -287,6 +287,9 @@ pub enum PlacementNote {
         /// What they are taken to be in.
         crs: String,
     },
+    /// A pattern that the user gave.
+    #[error("--assume-crs {0}: fits no input's name")]
+    NoFit(String),
     /// Degrees or geocentric coordinates that are not called so.
     #[error(
         "{} that {} no coordinate system {} {what} (--assume-crs names another one)",
@@ -547,6 +550,17 @@ fn taken<'a>(
         };
         let crs = crs.or_else(default).or_else(seen);
         taken.push(Taken { crs, unit });
+    }
+    if options.known.is_none() {
+        for pattern in options.assume.iter().filter_map(|assumption| assumption.pattern.as_ref()) {
+            let fits = |file: &FileFacts| {
+                let name = file.path.file_name().unwrap_or_default().to_string_lossy();
+                pattern.matches(&name) || pattern.matches_path(file.path)
+            };
+            if !files.iter().any(fits) {
+                notes.push(PlacementNote::NoFit(pattern.to_string()));
+            }
+        }
     }
     for (crs, files) in overruled {
         notes.push(PlacementNote::Overruled { files, crs: crs.name.clone() });

@@ -8,7 +8,10 @@
 
 use super::system::System;
 use glam::{DVec2, DVec3};
-use proj_core::{AreaOfInterest, Coord, Coord3D, SelectionOptions, Transform};
+use proj_core::{
+    AreaOfInterest, Coord, Coord3D, CoordinateOperationMetadata, SelectionOptions, Transform,
+    operation_candidates_between_with_selection_options,
+};
 use std::collections::HashMap;
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -80,8 +83,19 @@ impl Reprojection {
             if let Some(operation) = from.own_operation(to) {
                 options = options.with_coordinate_operation(operation);
             }
-            Transform::from_crs_defs_with_selection_options(&source, &target, options)
-                .map_err(|error| error.to_string())
+            let chosen = Transform::from_crs_defs_with_selection_options(&source, &target, options.clone())
+                .map_err(|error| error.to_string())?;
+            if is_named_after_its_ends(chosen.selected_operation()) {
+                return Ok(chosen);
+            }
+            // The library's register has operations between other systems than they are of.
+            let others = operation_candidates_between_with_selection_options(&source, &target, &options);
+            let others = others.into_iter().flatten().filter(is_named_after_its_ends);
+            let with = |id| {
+                let options = options.clone().with_operation(id);
+                Transform::from_crs_defs_with_selection_options(&source, &target, options).ok()
+            };
+            Ok(others.filter_map(|operation| operation.id).find_map(with).unwrap_or(chosen))
         };
         // A datum that is not named is the other's, where it may be. Between two that lie on GRS 80 or WGS 84 no shift is
         // better than leaving the file out.
@@ -99,6 +113,9 @@ impl Reprojection {
             },
         };
         let operation = transform.selected_operation();
+        // The library takes systems that all lie on GRS 80 without a shift to WGS 84 for one, which may be a metre or two.
+        let is_null = operation.id.is_none() && operation.accuracy.is_some_and(|a| a.meters == 0.0);
+        let assumes_datum = assumes_datum || is_null && !from.is_on_datum_of(to);
         // What was assumed has no accuracy.
         let accuracy = operation.accuracy.filter(|_| !assumes_datum).map(|accuracy| accuracy.meters);
         let patch = match from.is_geographic() {
@@ -124,7 +141,7 @@ impl Reprojection {
 
     /// Both systems are on one datum.
     pub fn keeps_datum(&self) -> bool {
-        self.transform.selected_operation().id.is_none() && self.accuracy == Some(0.0)
+        self.accuracy == Some(0.0)
     }
 
     /// Z takes part, in metres on both sides.
@@ -249,6 +266,22 @@ impl Reprojection {
     }
 }
 
+/// Whether an operation that is called "A to B (3)" is one between A and B.
+fn is_named_after_its_ends(operation: &CoordinateOperationMetadata) -> bool {
+    let plain = |name: &str| -> String {
+        name.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect()
+    };
+    let name_of = |code: Option<u32>| code.and_then(proj_core::lookup_epsg).map(|crs| plain(crs.name()));
+    let name = operation.name.trim_end_matches(|c: char| c.is_ascii_digit() || c == ')');
+    let ends = name.trim_end_matches('(').split_once(" to ").map(|(a, b)| [plain(a), plain(b)]);
+    let (Some([a, b]), Some(from), Some(to)) =
+        (ends, name_of(operation.source_crs_epsg), name_of(operation.target_crs_epsg))
+    else {
+        return true;
+    };
+    (a == from && b == to) || (a == to && b == from)
+}
+
 /// The patch of the point before: neighbours in a file are neighbours on the ground.
 #[derive(Default)]
 struct Last {
@@ -312,6 +345,24 @@ mod tests {
                 "{from} {to}: {p}"
             );
         }
+    }
+
+    /// The register of the library leads "NAD83(HARN) to NAD83(NSRS2007)" to WGS 84.
+    #[test]
+    fn an_operation_leads_where_its_name_says() {
+        let way = way(2994, 32610, [640_000.0, 850_000.0]);
+        assert!(way.operation.starts_with("NAD83(HARN) to WGS 84"), "{}", way.operation);
+        assert!(way.accuracy.unwrap() >= 1.0);
+    }
+
+    /// Systems that all lie on GRS 80 are of several datums.
+    #[test]
+    fn a_shift_that_is_not_known_is_said_to_be_assumed() {
+        let between = |from, to, at| way(from, to, at);
+        let assumed = between(26917, 25832, [5e5, 4e6]);
+        assert!(assumed.assumes_datum && !assumed.keeps_datum() && assumed.accuracy.is_none());
+        let kept = between(25833, 25832, [5e5, 5.5e6]);
+        assert!(kept.keeps_datum() && !kept.assumes_datum);
     }
 
     #[test]

@@ -448,6 +448,12 @@ impl System {
         self.datum.is_on_ellipsoid_of(&WGS84) && other.datum.is_on_ellipsoid_of(&WGS84)
     }
 
+    /// Whether both name one datum.
+    pub(super) fn is_on_datum_of(&self, other: &System) -> bool {
+        self.datum.code.is_some() && self.datum.code == other.datum.code
+            || self.datum.has_own_shift() && self.datum.is(&other.datum)
+    }
+
     /// Whether one of the two names no datum, and that of the other may be its own: on ellipsoids that several datums
     /// share, such as Bessel's, those may be a hundred metres apart.
     pub(super) fn may_be_on_datum_of(&self, other: &System) -> bool {

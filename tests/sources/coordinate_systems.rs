@@ -358,6 +358,28 @@ fn a_chunk_at_the_edge_of_a_transformed_tile_is_never_missed() {
     assert!(hit > 20_000, "{hit}");
 }
 
+/// The opening sample does not see a large file's edges: nothing of it may be missing there for all that.
+#[test]
+fn a_transformed_file_is_drawn_to_its_edges() {
+    let folder = tempfile::tempdir().unwrap();
+    let points = town_points([0.0, 0.0], [380.0, 380.0], 2.2);
+    assert!(points.len() > 300_000, "more than is sampled whole");
+    write(&folder.path().join("a.laz"), &points, Says::Key(25832), 1e-3);
+    let (east, north) = (synth::ORIGIN[0] + 190.0, synth::ORIGIN[1] + 190.0);
+    let (eye, target) = (format!("{east},{north},900"), format!("{east},{north},0"));
+    let mut pictures = Vec::new();
+    // Other names for one datum, without a shift: a file of another system, whose coordinates stay.
+    for (out, more) in [("own.exr", &[][..]), ("transformed.exr", &["--crs", "EPSG:32632"][..])] {
+        let words = ["render", "a.laz", "-o", out, "--ortho", "2", "--size", "210x210", "--cell", "0.5"];
+        let view = ["--eye", &eye, "--target", &target, "--detail", "1", "--color", "class"];
+        let (done, said) = lasray(folder.path(), &[&words[..], &view, more].concat());
+        assert!(done && (more.is_empty() || said.contains("is transformed")), "{said}");
+        pictures.push(classes(&folder.path().join(out)));
+    }
+    let differ = pictures[0].iter().zip(&pictures[1]).filter(|(a, b)| a != b).count();
+    assert!(differ < 40, "{differ} of {} pixels differ", pictures[0].len());
+}
+
 /// Against PROJ's own `cs2cs` (Debian: proj-bin), where it is installed: to a centimetre where the datum stays or its
 /// shift is null, else within the operation's stated accuracy. `scripts/check-transforms.sh` installs it.
 #[test]
