@@ -185,6 +185,11 @@ struct Times {
 }
 
 impl Times {
+    /// The first `rounds`.
+    fn truncate(&mut self, rounds: usize) {
+        self.passes.iter_mut().chain([&mut self.all]).for_each(|repeats| repeats.ms.truncate(rounds));
+    }
+
     fn sum<'a>(frames: impl Iterator<Item = &'a Times> + Clone) -> Times {
         Times {
             passes: std::array::from_fn(|pass| Repeats::sum(frames.clone().map(|times| &times.passes[pass]))),
@@ -528,7 +533,7 @@ fn write(args: &Args, report: Value) -> anyhow::Result<()> {
 }
 
 /// One configuration: times and their tables, then counts and theirs, and what of them goes into the report. Once asked to
-/// end, tables of the frames that were timed in all rounds.
+/// end, tables of the frames that were timed in two rounds or more.
 fn run(
     args: &Args,
     gpu: &Gpu,
@@ -552,12 +557,17 @@ fn run(
     'frames: for (at, shot) in shots.iter().enumerate() {
         eprintln!("{}/{} {}, frame {}", config.grid, config.levels, shot.path, shot.frame);
         lab.place(shot)?;
-        for _ in 0..args.rounds {
-            for (k, times) in times.iter_mut().enumerate() {
+        for round in 0..args.rounds as usize {
+            for k in 0..times.len() {
                 if is_stopped() {
+                    // Rounds of all variants count, if there are enough to tell how alike they are.
+                    if round >= 2 {
+                        times.iter_mut().for_each(|times| times[at].truncate(round));
+                        whole = at + 1;
+                    }
                     break 'frames;
                 }
-                lab.time(k, shot, &mut times[at])?;
+                lab.time(k, shot, &mut times[k][at])?;
             }
         }
         if is_first(&shots, at) {
