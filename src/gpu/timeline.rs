@@ -102,6 +102,11 @@ impl Timeline {
         Ok(SyncPoint { queue: self.queue, value })
     }
 
+    /// Whether the host knows already that the queue is past `value`; asks nothing.
+    pub fn is_known_past(&self, value: u64) -> bool {
+        self.seen >= value
+    }
+
     /// Whether the queue is past `value`.
     pub fn reached(&mut self, value: u64) -> Result<bool> {
         self.assert_submitted(value);

@@ -893,10 +893,10 @@ impl Scene {
     }
 
     /// A buffer that begins with `bytes`, of which there are no more than [`CONSTANT_BYTES`]: one that an earlier build
-    /// is done with, if there is one.
+    /// is known to be done with, if there is one.
     fn constant(&mut self, bytes: &[u8]) -> Result<Buffer, GpuError> {
         let is_free = match self.constants.front() {
-            Some((point, _)) => self.order.reached(*point)?,
+            Some((point, _)) => self.order.is_known_done(*point),
             None => false,
         };
         let free = if is_free { self.constants.pop_front() } else { None };
