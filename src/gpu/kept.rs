@@ -24,6 +24,8 @@ const MAGIC: &[u8; 8] = b"LASRAYPC";
 const VERSION: u32 = 1;
 /// Bytes of the checksum.
 const SUM: usize = 8;
+/// Bytes of what a driver gives that keeps no program: a `VkPipelineCacheHeaderVersionOne`.
+const BARE: usize = 32;
 /// Most bytes of a file. Programs of versions that are gone pile up in it: when it is full it begins anew.
 const MOST_BYTES: usize = 32 << 20;
 /// What the folder's other files are named like while they are being written, so that what a crash leaves is found.
@@ -50,7 +52,8 @@ impl Kept {
         Kept { path: folder.join(format!("{vendor_id:08x}-{device_id:08x}.pipelines")), key, loaded: None }
     }
 
-    /// What was kept by this very driver.
+    /// What was kept by this very driver. Not a bare header: there is no program in it, and SwiftShader gives all that
+    /// it took behind its own, more in each run.
     pub fn load(&mut self) -> Option<Vec<u8>> {
         let least = self.key.len() + SUM;
         let len = fs::metadata(&self.path).ok().filter(fs::Metadata::is_file)?.len();
@@ -64,7 +67,7 @@ impl Kept {
         }
         let data = body[self.key.len()..].to_vec();
         self.loaded = Some(xxh3_64(&data));
-        Some(data)
+        Some(data).filter(|data| data.len() > BARE)
     }
 
     /// Keeps `data`, unless that is what was loaded.
@@ -119,9 +122,22 @@ mod tests {
             assert_eq!(load(&path, &other), None);
         }
         // The driver was replaced: its programs take the place of the old ones.
-        Kept::of(&path, &newer).save(&[8; 10]).unwrap();
-        assert_eq!((load(&path, &newer), load(&path, &properties())), (Some(vec![8; 10]), None));
+        Kept::of(&path, &newer).save(&[8; 40]).unwrap();
+        assert_eq!((load(&path, &newer), load(&path, &properties())), (Some(vec![8; 40]), None));
         assert_eq!(fs::read_dir(&path).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_bare_header_is_neither_used_nor_written_again() {
+        let folder = tempfile::tempdir().unwrap();
+        Kept::of(folder.path(), &properties()).save(&[7; BARE]).unwrap();
+        let mut kept = Kept::of(folder.path(), &properties());
+        assert_eq!(kept.load(), None);
+        fs::remove_file(&kept.path).unwrap();
+        kept.save(&[7; BARE]).unwrap();
+        assert!(!kept.path.exists());
+        kept.save(&[7; BARE + 1]).unwrap();
+        assert!(kept.path.exists());
     }
 
     #[test]
@@ -146,12 +162,12 @@ mod tests {
     fn it_is_written_when_there_is_something_new_and_never_grows_without_bound() {
         let folder = tempfile::tempdir().unwrap();
         let mut kept = Kept::of(folder.path(), &properties());
-        kept.save(b"one").unwrap();
+        kept.save(&[1; 100]).unwrap();
         kept.load().unwrap();
         fs::remove_file(&kept.path).unwrap();
-        kept.save(b"one").unwrap();
+        kept.save(&[1; 100]).unwrap();
         assert!(!kept.path.exists(), "nothing was new");
-        kept.save(b"two").unwrap();
+        kept.save(&[2; 100]).unwrap();
         assert!(kept.path.exists());
         kept.save(&vec![1; MOST_BYTES]).unwrap();
         assert!(!kept.path.exists(), "what is too large begins anew");
