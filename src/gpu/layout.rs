@@ -56,9 +56,8 @@ pub(crate) use members;
 /// Asserts that each shader (name, words) has a struct with these very members.
 pub fn assert_in(shaders: &[(&str, &[u32])], members: &Members) {
     for (name, words) in shaders {
-        // The full loader of rspirv refuses `LocalSizeId`.
         let mut structs = Structs::default();
-        parse_words(words, &mut structs).unwrap();
+        instructions(words).iter().for_each(|instruction| structs.take(instruction));
         let found = structs.all();
         assert!(found.contains(members), "{name} has no struct {members:?} among {found:?}");
     }
@@ -93,22 +92,8 @@ impl Structs {
             .map(|(of, kinds)| kinds.iter().enumerate().filter_map(|m| member(*of, m)).collect())
             .collect()
     }
-}
 
-impl Consumer for Structs {
-    fn initialize(&mut self) -> ParseAction {
-        ParseAction::Continue
-    }
-
-    fn finalize(&mut self) -> ParseAction {
-        ParseAction::Continue
-    }
-
-    fn consume_header(&mut self, _: ModuleHeader) -> ParseAction {
-        ParseAction::Continue
-    }
-
-    fn consume_instruction(&mut self, instruction: Instruction) -> ParseAction {
+    fn take(&mut self, instruction: &Instruction) {
         let operands = &instruction.operands;
         let of = |k: usize, names: &HashMap<u32, String>| {
             names.get(&id(&operands[k])).cloned().unwrap_or_default()
@@ -122,7 +107,7 @@ impl Consumer for Structs {
                 if let (Some(result), Operand::LiteralBit32(value)) = (instruction.result_id, &operands[0]) {
                     self.constants.insert(result, *value);
                 }
-                return ParseAction::Continue;
+                return;
             }
             Op::TypeStruct => {
                 let result = instruction.result_id.expect("a type has an id");
@@ -133,14 +118,13 @@ impl Consumer for Structs {
                 if let Operand::Decoration(Decoration::Offset) = operands[2] {
                     self.offsets.insert((id(&operands[0]), number(&operands[1])), number(&operands[3]));
                 }
-                return ParseAction::Continue;
+                return;
             }
-            _ => return ParseAction::Continue,
+            _ => return,
         };
         if let Some(result) = instruction.result_id {
             self.names.insert(result, name);
         }
-        ParseAction::Continue
     }
 }
 
@@ -175,17 +159,15 @@ pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 5] {
 
 /// How often a shader follows an address, or what it does to the bits of one before.
 fn addresses(words: &[u32]) -> Result<usize, Op> {
-    let mut all = Instructions::default();
-    parse_words(words, &mut all).unwrap();
+    let all = instructions(words);
     let places: HashSet<u32> = all
-        .0
         .iter()
         .filter(|i| i.class.opcode == Op::TypePointer)
         .filter(|i| i.operands[0] == Operand::StorageClass(StorageClass::PhysicalStorageBuffer))
         .filter_map(|i| i.result_id)
         .collect();
-    let made: HashMap<u32, &Instruction> = all.0.iter().filter_map(|i| Some((i.result_id?, i))).collect();
-    let followed = all.0.iter().filter(|i| {
+    let made: HashMap<u32, &Instruction> = all.iter().filter_map(|i| Some((i.result_id?, i))).collect();
+    let followed = all.iter().filter(|i| {
         i.class.opcode == Op::Bitcast && i.result_type.is_some_and(|kind| places.contains(&kind))
     });
     let (mut seen, mut count) = (HashSet::new(), 0);
@@ -223,6 +205,13 @@ fn is_condition(opcode: Op) -> bool {
         [SGreaterThanEqual, ULessThanEqual, SLessThanEqual, LogicalAnd, LogicalOr, LogicalNot, Any, All];
     let constants = [ConstantTrue, ConstantFalse, SpecConstantTrue, SpecConstantFalse, SpecConstantOp];
     compares.contains(&opcode) || more.contains(&opcode) || constants.contains(&opcode)
+}
+
+/// All instructions of a module, in order. The full loader of rspirv refuses `LocalSizeId`.
+fn instructions(words: &[u32]) -> Vec<Instruction> {
+    let mut all = Instructions::default();
+    parse_words(words, &mut all).unwrap();
+    all.0
 }
 
 #[derive(Default)]
