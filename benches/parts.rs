@@ -5,12 +5,12 @@
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use lasray::attribute::{Attributes, Record};
 use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_SIDE};
+use lasray::ingest::bins::{Binner, Bins, Budget};
+use lasray::ingest::workers::Input;
 use lasray::sample::RgbDepth;
 use lasray::section::Columns;
 use lasray::source::placement::Placement;
 use lasray::source::{Decoder, LidarFile, PointBlock};
-use lasray::stream::bins::{Binner, Bins, Budget};
-use lasray::stream::workers::Input;
 use lasray::synth::{Format, Tile, Town, write_tile};
 use std::hint::black_box;
 use std::path::Path;

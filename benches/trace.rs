@@ -14,15 +14,15 @@ use lasray::bench::steady::{self, Repeats, WarmUp};
 use lasray::bench::thesis::{Config, Kernel, Picture, STRIPS, Thesis};
 use lasray::bench::world::{self, TOWN_POINTS, World};
 use lasray::gpu::{DeviceKind, Gpu, GpuOptions, QueueKind, Recipe, Timestamps};
+use lasray::ingest::bins::Budget;
 use lasray::load::LoadOptions;
 use lasray::problems::Problems;
 use lasray::render::camera::Camera;
 use lasray::render::frame::{Background, Logged, PassOptions, Renderer, Shade, Traversal, View, check_size};
 use lasray::render::image::Image;
 use lasray::render::path::PathKind;
+use lasray::resident::pool::Access;
 use lasray::source::placement::PlacementOptions;
-use lasray::stream::bins::Budget;
-use lasray::stream::pool::Access;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -761,7 +761,7 @@ fn compiled(gpu: &Gpu, variants: &[Variant]) -> anyhow::Result<Vec<Value>> {
     }
     let mut recipes: Vec<(String, Recipe)> = Vec::new();
     #[cfg(feature = "view")]
-    let derived = lasray::stream::scene::recipes(Access::Address, true)[0].clone();
+    let derived = lasray::resident::scene::recipes(Access::Address, true)[0].clone();
     #[cfg(not(feature = "view"))]
     let derived = Vec::new();
     let passes = variants

@@ -77,6 +77,37 @@ impl SectionKey {
     pub fn parent(self) -> SectionKey {
         SectionKey { level: self.level + 1, i: self.i >> 1, j: self.j >> 1 }
     }
+
+    /// One of the four one level finer: quarter 0 is south-west, 1 south-east, 2 north-west.
+    pub fn child(self, quarter: i32) -> SectionKey {
+        SectionKey { level: self.level - 1, i: self.i * 2 + (quarter & 1), j: self.j * 2 + (quarter >> 1) }
+    }
+
+    /// First finest cell and the one after the last, along an axis.
+    pub fn cells(self, axis: usize) -> [i64; 2] {
+        let log2 = SECTION_LOG2 + u32::from(self.level);
+        let first = i64::from([self.i, self.j][axis]) << log2;
+        [first, first + (1 << log2)]
+    }
+
+    /// Whether it holds some of the finest cells from `low` to below `high`.
+    pub fn touches(self, low: [i32; 2], high: [i32; 2]) -> bool {
+        (0..2).all(|axis| {
+            let [first, end] = self.cells(axis);
+            first < high[axis].into() && i64::from(low[axis]) < end
+        })
+    }
+}
+
+/// Where a file's points are believed to lie.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Extent {
+    /// First finest cell, east and north.
+    pub low: [i32; 2],
+    /// The cell after the last.
+    pub high: [i32; 2],
+    /// Lowest and highest point, CRS units.
+    pub up: [f64; 2],
 }
 
 /// The one grid that every file and every run shares: cell index = floor(E / c), anchored at the CRS

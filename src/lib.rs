@@ -1,7 +1,7 @@
 //! Opens raw airborne LiDAR (LAS, LAZ, COPC) and ray-traces it on any Vulkan GPU.
 //!
-//! Data moves one way: `source` (files, chunks) → `section` (points to columns) →
-//! `stream` (pool, transfer) → `render` (traversal, image) → `view` (window). Imports run downward only.
+//! Data moves one way: `source` (files, chunks) → `ingest` (points to sections) → `resident` (sections on the device) →
+//! `render` (traversal, image) → `view` (window). Imports run downward only.
 
 pub mod attribute;
 pub mod bench;
@@ -9,15 +9,16 @@ pub mod cli;
 pub mod command;
 pub mod coords;
 pub mod gpu;
+pub mod ingest;
 pub mod load;
 pub mod output;
 pub mod problems;
 pub mod render;
+pub mod resident;
 pub mod sample;
 pub mod section;
 pub mod source;
 pub mod stop;
-pub mod stream;
 pub mod synth;
 pub mod text;
 #[cfg(feature = "view")]

@@ -7,11 +7,11 @@ mod broken;
 mod made;
 
 use lasray::attribute::{ColorMode, ColorTable};
+use lasray::ingest::bins::Budget;
 use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, DEFAULT_ORBIT, Projection};
 use lasray::source::placement::PlacementOptions;
-use lasray::stream::bins::Budget;
 use made::{Made, Packing};
 use peak_alloc::PeakAlloc;
 use proptest::{prelude::*, test_runner::TestCaseError};

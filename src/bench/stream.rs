@@ -23,12 +23,13 @@ use crate::render::path::{
     Aim, CameraPath, DEFAULT_FPS, FAST_CELLS, Interpolation, Keyframe, PathFault, PathKind, Stage,
 };
 use crate::render::sight::sight;
+use crate::resident::cut::Sight;
+use crate::resident::live::{FRAME_BYTES, Live};
+use crate::resident::pool::Access;
+use crate::resident::scene::Scene;
+use crate::resident::table::Table;
+use crate::resident::visibility::Visibility;
 use crate::source::placement::Fit;
-use crate::stream::live::{FRAME_BYTES, Live};
-use crate::stream::pool::Access;
-use crate::stream::residency::Sight;
-use crate::stream::scene::{Scene, Visibility};
-use crate::stream::table::Table;
 use anyhow::Context;
 use glam::DVec2;
 use std::collections::BTreeSet;

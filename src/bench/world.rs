@@ -5,10 +5,10 @@ use crate::coords::{Grid, Height, SECTION_SIDE, SectionKey};
 use crate::load::{self, LoadError, LoadOptions, Loaded};
 use crate::problems::Problems;
 use crate::render::camera::Bounds;
+use crate::resident::visibility::Visibility;
+use crate::section::slot::slot_bytes;
 use crate::section::{Columns, Packed, column_at};
 use crate::source::FLAG_WITHHELD;
-use crate::stream::pool::slot_bytes;
-use crate::stream::scene::Visibility;
 use crate::synth;
 use std::collections::HashMap;
 

@@ -8,10 +8,11 @@ use crate::gpu::{
     Binding, BindingCache, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, DeviceKind, Gpu,
     GpuError, MemoryKind, Recipe, SyncPoint, Timestamps, shaders,
 };
-use crate::stream::live::Live;
-use crate::stream::pool::Access;
-use crate::stream::scene::{Carried, Scene};
-use crate::stream::table::Table;
+use crate::resident::live::Live;
+use crate::resident::pool::Access;
+use crate::resident::scene::Scene;
+use crate::resident::table::Table;
+use crate::resident::visibility::Carried;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use std::collections::HashMap;

@@ -6,8 +6,8 @@ use crate::gpu::{
     Buffer, BufferCopy, Commands, ComputePipeline, GpuError, MemoryKind, Picture, QueueKind, Recipe,
     SyncPoint, Timestamps, shaders,
 };
-use crate::stream::scene::Scene;
-use crate::stream::table::Table;
+use crate::resident::scene::Scene;
+use crate::resident::table::Table;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use std::sync::Arc;

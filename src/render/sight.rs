@@ -1,7 +1,7 @@
 //! A camera as residency needs it: half spaces and the size of a pixel.
 
 use super::camera::{Camera, CameraError, Projection};
-use crate::stream::residency::Sight;
+use crate::resident::cut::Sight;
 
 /// Pixels around the picture that are loaded, too: shading looks beyond its edge.
 const MARGIN: f64 = 8.0;

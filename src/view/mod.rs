@@ -24,7 +24,7 @@ use crate::render::camera::{Camera, DEFAULT_ORBIT, Projection};
 use crate::render::frame::{Renderer, Shade};
 use crate::render::path::CameraPath;
 use crate::render::screen::{Pick, Screen};
-use crate::stream::scene::FRAMES_IN_FLIGHT;
+use crate::resident::scene::FRAMES_IN_FLIGHT;
 use crate::text::harmless;
 use anyhow::Context as _;
 use data::Data;

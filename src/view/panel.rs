@@ -6,8 +6,8 @@ use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color
 use crate::coords::tidy;
 use crate::render::frame::Shade;
 use crate::render::screen::Place;
+use crate::resident::visibility::Visibility;
 use crate::source::crs::CrsKind;
-use crate::stream::scene::Visibility;
 use crate::text::harmless;
 use egui::{
     Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,

@@ -3,7 +3,7 @@
 
 use crate::gpu::{ComputePipeline, DeviceKind, Gpu, GpuError, Recipe};
 use crate::render::{frame, screen};
-use crate::stream::{pool::Access, scene};
+use crate::resident::{pool::Access, scene};
 use crossbeam_channel::{Receiver, unbounded};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};

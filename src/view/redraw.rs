@@ -8,7 +8,7 @@ use super::{LATER, Options, PATIENCE, PROGRESS, Question, SAMPLES, SOON, Viewer,
 use crate::attribute::{ColorMode, ColorTable};
 use crate::render::camera::Camera;
 use crate::render::frame::{Background, Renderer, Shade, Traversal, View, check_size};
-use crate::stream::live::FRAME_BYTES;
+use crate::resident::live::FRAME_BYTES;
 use egui::{Color32, FontId, Rect};
 use std::ffi::OsString;
 use std::time::{Duration, Instant};

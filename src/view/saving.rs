@@ -11,7 +11,7 @@ use crate::render::camera::Camera;
 use crate::render::frame::Renderer;
 use crate::render::image::{Image, ImageError, notes};
 use crate::render::screen::Screen;
-use crate::stream::table::Table;
+use crate::resident::table::Table;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

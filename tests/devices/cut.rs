@@ -9,8 +9,8 @@ use lasray::coords::{Grid, SECTION_LOG2};
 use lasray::render::camera::{Camera, Projection, RayBasis};
 use lasray::render::image::Image;
 use lasray::render::reference::{Column, ColumnMap, Point, Tolerance, compare};
-use lasray::stream::pool::Access;
-use lasray::stream::residency::Shown;
+use lasray::resident::cut::Shown;
+use lasray::resident::pool::Access;
 use std::collections::HashMap;
 use std::path::PathBuf;
 

@@ -5,10 +5,11 @@ use glam::{IVec2, ivec2};
 use lasray::attribute::{Attributes, ClassMask, Record};
 use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
+use lasray::resident::pool::Access;
+use lasray::resident::scene::{ReadBack, Scene};
+use lasray::resident::visibility::{Carried, Visibility};
 use lasray::section::{Columns, Derived, Packed, column_at};
 use lasray::source::FLAG_WITHHELD;
-use lasray::stream::pool::Access;
-use lasray::stream::scene::{Carried, ReadBack, Scene, Visibility};
 use std::collections::BTreeMap;
 
 const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };

@@ -5,14 +5,14 @@ use super::common::{self, LAVAPIPE, Setup};
 use super::live::{Means, PLENTY, World, all_sections, options, tiles};
 use super::scene::{self, BRIDGED};
 use lasray::coords::SectionKey;
+use lasray::ingest::builds::{Cells, cells_of};
 use lasray::load;
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
+use lasray::resident::cut::Sight;
+use lasray::resident::live::Live;
+use lasray::resident::pool::Access;
 use lasray::source::LidarFile;
-use lasray::stream::builds::{Cells, cells_of};
-use lasray::stream::live::Live;
-use lasray::stream::pool::Access;
-use lasray::stream::residency::{Sight, touches};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -34,7 +34,7 @@ fn cells(world: &World, path: &Path) -> Cells {
 fn rest_is_whole(world: &mut World, paths: &[PathBuf], but: &[Cells]) -> usize {
     let all = all_sections(paths);
     let shown = world.live.shown().to_vec();
-    let rest = |key: &SectionKey| !but.iter().any(|[low, high]| touches(*key, *low, *high));
+    let rest = |key: &SectionKey| !but.iter().any(|[low, high]| key.touches(*low, *high));
     let rest: Vec<_> = shown.iter().filter(|(at, from)| at == from).map(|(at, _)| *at).filter(rest).collect();
     for key in &rest {
         let is = world.scene.read(*key).unwrap().unwrap().uploaded;
@@ -116,12 +116,12 @@ fn hiding_one_of_many_files_reads_only_its_neighbours() {
         let hidden = 27;
         let its = cells(&world, &paths[hidden]);
         let touched: Vec<SectionKey> =
-            world.live.wanted().iter().copied().filter(|key| touches(*key, its[0], its[1])).collect();
+            world.live.wanted().iter().copied().filter(|key| key.touches(its[0], its[1])).collect();
         let shares = |path: &PathBuf| {
             let [low, high] = cells(&world, path);
             // A cell more, as bounds of the header are taken.
             let [low, high] = [low.map(|c| c - 1), high.map(|c| c + 1)];
-            touched.iter().any(|key| touches(*key, low, high))
+            touched.iter().any(|key| key.touches(low, high))
         };
         let shared: Vec<&PathBuf> = paths.iter().filter(|path| shares(path)).collect();
         let most: u64 = shared.iter().map(|path| fs::metadata(path).unwrap().len()).sum();

@@ -12,12 +12,11 @@ use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::image::Image;
+use lasray::resident::live::Status;
+use lasray::resident::pool::Access;
 use lasray::source::known::RawBounds;
 use lasray::source::learned::Cache;
 use lasray::source::{Decoder, LidarFile};
-use lasray::stream::live::Status;
-use lasray::stream::pool::Access;
-use lasray::stream::residency::touches;
 use std::collections::HashSet;
 use std::fs;
 use std::path::PathBuf;
@@ -209,7 +208,7 @@ fn a_small_place_reads_the_chunks_that_touch_it() {
             let (low, high) =
                 (world.grid.cell_of(low.x, low.y).unwrap(), world.grid.cell_of(high.x, high.y).unwrap());
             // A cell around, as where the bounds of headers and of chunks are used.
-            wanted.iter().any(|key| touches(*key, [low.i - 1, low.j - 1], [high.i + 2, high.j + 2]))
+            wanted.iter().any(|key| key.touches([low.i - 1, low.j - 1], [high.i + 2, high.j + 2]))
         };
         let (status, wanted, world) = look(&down);
         let of_files: u64 = files

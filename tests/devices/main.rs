@@ -26,9 +26,10 @@ use lasray::render::frame::{
     FrameError, Logged, PASSES, PassOptions, Renderer, Repeats, Shade, Traversal, View,
 };
 use lasray::render::image::Image;
+use lasray::resident::pool::Access;
+use lasray::resident::scene::{Scene, Upload};
+use lasray::resident::visibility::Visibility;
 use lasray::section::{Columns, Packed};
-use lasray::stream::pool::Access;
-use lasray::stream::scene::{Scene, Upload, Visibility};
 use scene::{BRIDGED, Data, MEASURED, hits_that_differ, pixels_that_differ};
 use std::fs;
 use std::path::{Path, PathBuf};

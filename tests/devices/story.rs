@@ -10,9 +10,11 @@ use lasray::gpu::{Edge, Gpu, Order};
 use lasray::render::camera::{Bounds, Camera, Projection};
 use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
+use lasray::resident::pool::Access;
+use lasray::resident::scene::Scene;
+use lasray::resident::visibility::Visibility;
+use lasray::section::slot::section_bytes;
 use lasray::section::{Columns, Packed, column_at};
-use lasray::stream::pool::{Access, section_bytes};
-use lasray::stream::scene::{Scene, Visibility};
 use std::collections::BTreeMap;
 
 const SIZE: [u32; 2] = [160, 90];

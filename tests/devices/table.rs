@@ -3,8 +3,8 @@
 use super::common::{self, LAVAPIPE, SWIFTSHADER};
 use lasray::coords::{Height, SectionKey};
 use lasray::gpu::{BindingKind, Buffer, BufferCopy, ComputePipeline, Gpu, MemoryKind, Order};
+use lasray::resident::table::{Entry, Node, Table};
 use lasray::section::HeightCode;
-use lasray::stream::table::{Entry, Node, Table};
 
 #[allow(dead_code)] // each test binary uses its part
 mod shaders {

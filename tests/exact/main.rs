@@ -15,8 +15,9 @@ use lasray::render::camera::{Camera, Projection, RayBasis};
 use lasray::render::frame::{Renderer, View};
 use lasray::render::image::{Image, MISS_CLASS};
 use lasray::render::reference::{ColumnMap, Hit, Tolerance, compare};
-use lasray::stream::pool::Access;
-use lasray::stream::scene::{Scene, Visibility};
+use lasray::resident::pool::Access;
+use lasray::resident::scene::Scene;
+use lasray::resident::visibility::Visibility;
 use scene::{Data, MEASURED, points, real_files};
 use std::path::{Path, PathBuf};
 

@@ -12,7 +12,7 @@ use lasray::gpu::Gpu;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::image::MISS_CLASS;
 use lasray::render::reference::ColumnMap;
-use lasray::stream::pool::Access;
+use lasray::resident::pool::Access;
 use std::fs;
 use std::path::{Path, PathBuf};
 

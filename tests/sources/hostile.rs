@@ -1,11 +1,11 @@
 //! Files made to hurt: each is refused or read in part, and none takes the process down.
 
 use lasray::coords::{Grid, HEIGHT_STEP};
+use lasray::ingest::bins::{Bins, Budget};
+use lasray::ingest::workers::{Input, Progress, read_all};
 use lasray::sample::{self, RgbDepth};
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::source::{Decoder, LayerMemory, LidarFile};
-use lasray::stream::bins::{Bins, Budget};
-use lasray::stream::workers::{Input, Progress, read_all};
 use laz::{
     LazVlrBuilder,
     encoders::ArithmeticEncoder,

@@ -3,6 +3,7 @@
 
 use crate::lax_writer::Lax;
 use crate::made::{Made, Packing};
+use lasray::ingest::bins::Budget;
 use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
 use lasray::source::known::{Known, RawBounds, Told};
@@ -10,7 +11,6 @@ use lasray::source::lax::{self, LaxError};
 use lasray::source::learned::Cache;
 use lasray::source::placement::PlacementOptions;
 use lasray::source::{Decoder, LidarFile, PointBlock};
-use lasray::stream::bins::Budget;
 use proptest::prelude::*;
 use std::fs;
 use std::path::{Path, PathBuf};

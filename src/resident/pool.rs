@@ -1,15 +1,11 @@
 //! The pool: device memory in which payloads lie, in pages, sub-allocated. It knows only bytes.
 
 use crate::gpu::{Buffer, DeviceKind, Gpu, GpuError, MemoryKind};
-use crate::section::Layout;
-use offset_allocator::{Allocation, Allocator, ext::min_allocator_size};
+use crate::section::slot::{ALIGN, units};
+use offset_allocator::{Allocation, Allocator};
 
 /// Bytes of a page: small enough for devices that cap a storage buffer at 128 MiB.
 const PAGE_BYTES: u64 = 64 << 20;
-/// Payloads start at multiples of this, of cache lines above all. The allocator's classes of sizes being what they are, a
-/// derived part of 16-bit codes takes 1 % more than it needs; with 256 it would be 10 %.
-const ALIGN: u64 = 192;
-
 /// How shaders reach the pool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
@@ -36,24 +32,6 @@ fn texel_bytes(gpu: &Gpu) -> u64 {
     let limits = gpu.limits();
     // Shaders count words in an i32.
     (u64::from(limits.texels) * 4).min(limits.buffer_bytes).min(limits.allocation_bytes).min(4 << 30)
-}
-
-/// What `bytes` take of a page, units of [`ALIGN`]. The allocator keeps free space by size classes, and looks into
-/// those alone that hold nothing smaller than what is asked for: a place of a class's very size (at most 12.5 %
-/// more) is found again when it is free.
-fn units(bytes: u64) -> u32 {
-    let units = u32::try_from(bytes.div_ceil(ALIGN)).unwrap_or(u32::MAX);
-    if units > 1 << 31 { units } else { min_allocator_size(units) }
-}
-
-/// Bytes of a page that a payload of `bytes` takes.
-pub fn slot_bytes(bytes: u64) -> u64 {
-    u64::from(units(bytes)) * ALIGN
-}
-
-/// What a section takes of a pool: a slot for what is uploaded, one for what is derived.
-pub fn section_bytes(layout: &Layout) -> u64 {
-    slot_bytes(layout.uploaded_bytes()) + slot_bytes(layout.derived_bytes())
 }
 
 /// Payloads in a page, at most: the allocator's own memory grows by it.

@@ -4,7 +4,7 @@
 //! The cut follows from the camera and from what the files' headers say (design: a section is replaced by its children
 //! where its cells cover more than a pixel at its nearest point). It never depends on what is resident.
 
-use crate::coords::{Grid, SECTION_LOG2, SectionKey};
+use crate::coords::{Extent, Grid, SECTION_LOG2, SectionKey};
 use glam::DVec3;
 
 /// Coarsest detail level: the grid's anchor allows for no more.
@@ -13,17 +13,6 @@ pub const MOST_LEVEL: u8 = 18;
 pub const MOST_NODES: usize = 1 << 18;
 /// Columns around a section that shading looks at from within it.
 const HALO: f64 = 17.0;
-
-/// Where a file's points are believed to lie.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Extent {
-    /// First finest cell, east and north.
-    pub low: [i32; 2],
-    /// The cell after the last.
-    pub high: [i32; 2],
-    /// Lowest and highest point, CRS units.
-    pub up: [f64; 2],
-}
 
 /// What a camera sees, and how large.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,25 +93,6 @@ pub struct Cut {
 /// A place, and the section that it shows.
 pub type Shown = (SectionKey, SectionKey);
 
-fn child(key: SectionKey, quarter: i32) -> SectionKey {
-    SectionKey { level: key.level - 1, i: key.i * 2 + (quarter & 1), j: key.j * 2 + (quarter >> 1) }
-}
-
-/// First finest cell of a section and the one after its last, along an axis.
-fn cells(key: SectionKey, axis: usize) -> [i64; 2] {
-    let log2 = SECTION_LOG2 + u32::from(key.level);
-    let first = i64::from([key.i, key.j][axis]) << log2;
-    [first, first + (1 << log2)]
-}
-
-/// Whether a section holds some of the cells from `low` to below `high`.
-pub fn touches(key: SectionKey, low: [i32; 2], high: [i32; 2]) -> bool {
-    (0..2).all(|axis| {
-        let [first, end] = cells(key, axis);
-        first < high[axis].into() && i64::from(low[axis]) < end
-    })
-}
-
 impl Domain {
     /// Of files that lie so on `grid`.
     pub fn new(grid: &Grid, extents: Vec<Extent>) -> Domain {
@@ -169,13 +139,13 @@ impl Domain {
     fn refine(&self, cut: &mut Cut, key: SectionKey, near: &[u32], sight: &Sight) -> Option<u32> {
         let extent = |&index: &u32| &self.extents[index as usize];
         let here: Vec<u32> =
-            near.iter().copied().filter(|e| touches(key, extent(e).low, extent(e).high)).collect();
+            near.iter().copied().filter(|e| key.touches(extent(e).low, extent(e).high)).collect();
         if here.is_empty() {
             return None;
         }
         // The box of what may be there, as shown.
         let side = |axis: usize| {
-            let [first, end] = cells(key, axis);
+            let [first, end] = key.cells(axis);
             let low =
                 here.iter().map(|e| i64::from(extent(e).low[axis])).min().map_or(first, |v| v.max(first));
             let high = here.iter().map(|e| i64::from(extent(e).high[axis])).max().map_or(end, |v| v.min(end));
@@ -196,7 +166,7 @@ impl Domain {
         cut.nodes.push(Node { key, children: None, nearness: seen.then_some(pixels) });
         if key.level > 0 && seen && !fine && cut.nodes.len() < MOST_NODES {
             let children: [Option<u32>; 4] =
-                std::array::from_fn(|quarter| self.refine(cut, child(key, quarter as i32), &here, sight));
+                std::array::from_fn(|quarter| self.refine(cut, key.child(quarter as i32), &here, sight));
             cut.nodes[index as usize].children = Some(children);
         }
         Some(index)
@@ -335,8 +305,8 @@ mod tests {
         let keys: Vec<_> = cut.members().map(|node| node.key).collect();
         for (n, a) in keys.iter().enumerate() {
             for b in &keys[n + 1..] {
-                let [low, high] = [0, 1].map(|end| [0, 1].map(|axis| cells(*b, axis)[end] as i32));
-                assert!(!touches(*a, low, high), "{a:?} {b:?}");
+                let [low, high] = [0, 1].map(|end| [0, 1].map(|axis| b.cells(axis)[end] as i32));
+                assert!(!a.touches(low, high), "{a:?} {b:?}");
             }
         }
         let missing: i64 = domain.roots().iter().map(|&root| area(root)).sum::<i64>()
@@ -346,11 +316,11 @@ mod tests {
         for tile in &domain.extents {
             let covered: i64 = keys
                 .iter()
-                .filter(|key| touches(**key, tile.low, tile.high))
+                .filter(|key| key.touches(tile.low, tile.high))
                 .map(|key| {
                     (0..2)
                         .map(|axis| {
-                            let [a, b] = cells(*key, axis);
+                            let [a, b] = key.cells(axis);
                             b.min(tile.high[axis].into()) - a.max(tile.low[axis].into())
                         })
                         .product::<i64>()
@@ -365,7 +335,7 @@ mod tests {
             assert!(key.level == 0 || pixels * f64::from(key.level).exp2() <= 1.0);
         }
         // What is not seen is not refined for its own sake.
-        let behind = |key: &SectionKey| cells(*key, 0)[1] <= 2000;
+        let behind = |key: &SectionKey| key.cells(0)[1] <= 2000;
         assert!(cut.wanted().all(|(key, _)| !behind(&key)));
         assert!(keys.iter().any(behind));
         assert_eq!(domain.cut(&Sight { detail: 0.0, ..sight }).wanted().map(|(k, _)| k.level).max(), Some(0));

@@ -346,7 +346,8 @@ impl Feed {
     }
 
     /// Holds the state while it does what it is given.
-    pub(super) fn holder(&self) -> impl FnOnce(&mut dyn FnMut()) + Send + 'static {
+    #[doc(hidden)]
+    pub fn holder(&self) -> impl FnOnce(&mut dyn FnMut()) + Send + 'static {
         let inner = Arc::clone(&self.inner);
         move |work| {
             let _state = inner.lock();

@@ -1,18 +1,18 @@
 //! What is seen, kept live: the cut of the moment, what it lacks asked for, what has arrived uploaded, what is not
 //! seen any more given back. Called once a frame; never waits.
 
-use super::bins::Core;
-use super::budget::Shares;
-use super::builds::{Builds, OpenInput, Progress};
-use super::feed::{Arrival, Feed, News};
+use super::cut::{Cut, Domain, MOST_LEVEL, MOST_NODES, Shown, Sight};
 use super::motion::Motion;
-use super::pool::section_bytes;
-use super::residency::{Cut, Domain, MOST_LEVEL, MOST_NODES, Shown, Sight};
 use super::scene::{Scene, Upload};
-use super::sparse;
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
+use crate::ingest::bins::Core;
+use crate::ingest::budget::Shares;
+use crate::ingest::builds::{Builds, OpenInput, Progress};
+use crate::ingest::feed::{Arrival, Feed, News};
+use crate::ingest::sparse;
 use crate::section::Packed;
+use crate::section::slot::section_bytes;
 use crate::source::learned::Cache;
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;

@@ -6,9 +6,9 @@
 
 use crate::attribute::{Attributes, Record};
 use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey};
+use crate::section::slot::section_bytes;
 use crate::section::{Columns, column_index};
 use crate::source::PointBlock;
-use crate::stream::pool::section_bytes;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, TryLockError};

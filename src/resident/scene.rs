@@ -4,14 +4,16 @@
 //! mask, bridges and pyramid); when the host has seen the build reached, tables may name it. Another mask
 //! reruns the build on what is resident and copies nothing.
 
-use super::pool::{Access, Part, Pool, Slot, section_bytes};
+use super::pool::{Access, Part, Pool, Slot};
 use super::table::Entry;
-use crate::attribute::{ClassMask, Kinds};
+use super::visibility::{Carried, Visibility};
+use crate::attribute::Kinds;
 use crate::coords::{Grid, Height, SectionKey};
 use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
     Recipe, SyncPoint, Timestamps, UploadRing, shaders, stream_words,
 };
+use crate::section::slot::section_bytes;
 use crate::section::{HighestOf, Layout, Packed, SECTION_BLOCKS};
 use bytemuck::{Pod, Zeroable};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet, VecDeque};
@@ -36,33 +38,6 @@ pub const FRAMES_IN_FLIGHT: usize = 2;
 const SUBMIT_SECTIONS: usize = 64;
 /// Threads in a workgroup of the passes that take half blocks.
 const PASS_THREADS: u32 = 64;
-
-/// What is shown: part of the derived data.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Visibility {
-    /// Classes that are shown.
-    pub classes: ClassMask,
-    /// Show withheld points too.
-    pub withheld: bool,
-    /// Longest hole to bridge, cells (0 to 4).
-    pub bridge: u32,
-}
-
-impl Visibility {
-    /// Whether points of this class are shown.
-    pub fn shows(&self, class: u8, withheld: bool) -> bool {
-        self.classes.shows(class) && (self.withheld || !withheld)
-    }
-}
-
-/// What columns show besides their class.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Carried {
-    /// RGB.
-    Colors,
-    /// Intensity and returns.
-    Values,
-}
 
 /// What has been copied and built since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

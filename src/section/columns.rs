@@ -1,22 +1,19 @@
-//! Points to columns to sections: what a section is on the host and, word for word, on the device.
+//! Points to columns: a section while points arrive.
 //!
 //! While points arrive a section ([`Columns`]) keeps the winner of every (column, class) by an order-free maximum, columns
 //! in the order of 8×8 blocks. What is uploaded has those blocks that hold anything, in the same order, so that
 //! [`Columns::pack_into`] mostly copies.
 
+use super::layout::{
+    BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_BLOCK, HEADER_WORDS, HeightCode, Layout, MOST_OTHERS,
+    SECTION_BLOCKS, column_at, column_index,
+};
+use super::payload::{HighestOf, Packed};
 use crate::attribute::{Record, unbias};
-use crate::coords::{Height, SECTION_COLUMNS, SECTION_LOG2, SECTION_SIDE};
+use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE};
 use crate::source::FLAG_WITHHELD;
 use memmap2::MmapMut;
 
-/// log2 of a block's side in columns.
-const BLOCK_LOG2: u32 = 3;
-/// Columns in a block.
-const BLOCK_COLUMNS: usize = 1 << (2 * BLOCK_LOG2);
-/// Blocks in a section.
-pub const SECTION_BLOCKS: usize = SECTION_COLUMNS / BLOCK_COLUMNS;
-/// Blocks on a section's side.
-const BLOCKS_SIDE: u32 = SECTION_SIDE >> BLOCK_LOG2;
 /// The best record of a further class of a column.
 #[derive(Clone, Copy)]
 struct Other {
@@ -140,24 +137,6 @@ impl Pages {
         let (heads, counts) = rest.split_at_mut(HEADS_BYTES);
         (bytemuck::from_bytes_mut(records), bytemuck::from_bytes_mut(heads), bytemuck::from_bytes_mut(counts))
     }
-}
-
-/// Index in block order (block · 64 + column in it) of the column at (x, y), both 0..256, counted from the south-west.
-#[inline]
-pub fn column_index(x: u32, y: u32) -> u16 {
-    let mask = (1 << BLOCK_LOG2) - 1;
-    let block = (y >> BLOCK_LOG2) * BLOCKS_SIDE + (x >> BLOCK_LOG2);
-    (block << (2 * BLOCK_LOG2) | (y & mask) << BLOCK_LOG2 | (x & mask)) as u16
-}
-
-/// The column (x, y) at a [`column_index`].
-pub fn column_at(index: u16) -> [u32; 2] {
-    let mask = (1 << BLOCK_LOG2) - 1;
-    let (block, column) = (u32::from(index) >> (2 * BLOCK_LOG2), u32::from(index));
-    [
-        (block % BLOCKS_SIDE) << BLOCK_LOG2 | column & mask,
-        (block / BLOCKS_SIDE) << BLOCK_LOG2 | column >> BLOCK_LOG2 & mask,
-    ]
 }
 
 impl Columns {
@@ -412,180 +391,6 @@ fn of_record(record: &Record) -> Height {
     record.height().expect("columns hold no empty records")
 }
 
-/// Most runs of a column besides the highest on the device (their count is one byte). The highest are kept.
-const MOST_OTHERS: u8 = 254;
-
-/// How a section's derived part stores heights: `code = h - base`, never 0 (0 says "no point"). Every height is kept
-/// to the last lattice step, so what is seen does not depend on which section a column is in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct HeightCode {
-    /// Lattice height of code 0.
-    pub base: i32,
-    /// Codes take 32 bits instead of 16.
-    pub wide: bool,
-}
-
-impl HeightCode {
-    /// 16 bits if lowest..=highest, 64 units of relief, fit them.
-    fn fit(lowest: i32, highest: i32) -> HeightCode {
-        let spare = 0xFFFE - (i64::from(highest) - i64::from(lowest));
-        // What is left goes to both sides: a bridge may lead to a neighbour that lies lower or higher.
-        let base = i64::from(lowest) - 1 - spare.max(0) / 2;
-        // `lowest` is above i32::MIN, which no height takes.
-        HeightCode { base: base.max(i32::MIN.into()) as i32, wide: spare < 0 }
-    }
-
-    #[cfg(test)]
-    fn encode(self, height: Height) -> u32 {
-        (i64::from(height.0) - i64::from(self.base)) as u32
-    }
-
-    #[cfg(test)]
-    fn decode(self, code: u32) -> Height {
-        Height((i64::from(self.base) + i64::from(code)) as i32)
-    }
-}
-
-/// Kind of payload: columns of runs. Others follow (stacks, points, walls).
-const KIND_COLUMNS: u32 = 1;
-/// Words of a payload's header: kind, words in all, code, base, blocks that are there, where counts and further runs start.
-const HEADER_WORDS: u32 = 16;
-/// Words of a block: three for the highest run of each column ([`Record`]; empty where the column is).
-const BLOCK_WORDS: usize = 3 * BLOCK_COLUMNS;
-/// Words for how many other runs each column of a block has: a byte each.
-const COUNT_WORDS: usize = BLOCK_COLUMNS / 4;
-/// Where the first block starts.
-const FIRST_BLOCK: u32 = HEADER_WORDS + 2 * SECTION_BLOCKS as u32;
-
-/// Where each part of what is uploaded of a section starts, in words from its start. `shaders/derive.glsl` has the
-/// same.
-///
-/// The header; two words for each of the 1,024 blocks, where it starts (0: it holds nothing) and how many further runs
-/// those before it have; the blocks; their counts, in the same order; the further runs, three words each ([`Record`]), highest first, column by column
-/// in block order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Layout {
-    /// How derived heights are stored.
-    pub code: HeightCode,
-    /// Blocks that hold anything.
-    pub blocks: u32,
-    /// Counts of the first block.
-    pub counts: u32,
-    /// First further run.
-    pub others: u32,
-    /// All words.
-    pub words: u32,
-}
-
-/// Where what is derived of a section lies, in a place of its own: 64×64 blocks of 4×4 columns, row by row, then levels
-/// 2 to 8 of the maximum pyramid, row by row each; 16 or 32 bits a code. `shaders/section.glsl` has the same.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Derived {
-    /// Codes take 32 bits.
-    pub wide: bool,
-}
-
-impl Derived {
-    /// Blocks on a side.
-    pub const SIDE: u32 = SECTION_SIDE / 4;
-
-    /// Words of a block: its level 0 of the pyramid, row by row, from word 0 on; level 1 behind it.
-    pub fn block_words(self) -> u32 {
-        if self.wide { 48 } else { 32 }
-    }
-
-    /// In blocks of even index: which columns of this and the next are measured, a bit each, row by row over both.
-    pub fn measured(self) -> u32 {
-        if self.wide { 20 } else { 10 }
-    }
-
-    /// What each column of the block shows: class, and colour or values, a word each, row by row.
-    pub fn shown(self) -> u32 {
-        if self.wide { 32 } else { 16 }
-    }
-
-    /// First word of the pyramid's levels from 2 on.
-    pub fn upper_levels(self) -> u32 {
-        self.block_words() * Self::SIDE * Self::SIDE
-    }
-
-    /// All bytes.
-    pub fn bytes(self) -> u64 {
-        // Codes of levels 2 to 8, and one to make them even.
-        const UPPER: u64 = 5462;
-        4 * u64::from(self.upper_levels()) + UPPER * if self.wide { 4 } else { 2 }
-    }
-}
-
-impl Layout {
-    fn new(blocks: u32, further_runs: u32, code: HeightCode) -> Layout {
-        let counts = FIRST_BLOCK + blocks * BLOCK_WORDS as u32;
-        let others = counts + blocks * COUNT_WORDS as u32;
-        Layout { code, blocks, counts, others, words: others + 3 * further_runs }
-    }
-
-    fn header(&self) -> [u32; HEADER_WORDS as usize] {
-        let code = u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
-        let mut header = [0; HEADER_WORDS as usize];
-        header[..4].copy_from_slice(&[KIND_COLUMNS, self.words, code, self.code.base as u32]);
-        header[4..7].copy_from_slice(&[self.blocks, self.counts, self.others]);
-        header
-    }
-
-    /// Bytes that are uploaded.
-    pub fn uploaded_bytes(&self) -> u64 {
-        u64::from(self.words) * 4
-    }
-
-    /// Bytes that are derived from them.
-    pub fn derived_bytes(&self) -> u64 {
-        Derived { wide: self.code.wide }.bytes()
-    }
-}
-
-/// Highest record of each (class, withheld) that a section holds.
-pub type HighestOf = Vec<(u8, bool, Height)>;
-
-/// A section ready for upload. Immutable.
-pub struct Packed {
-    /// Header and runs: `layout.words` words.
-    pub words: Vec<u32>,
-    /// Offsets of its parts.
-    pub layout: Layout,
-    /// Points it was made from.
-    pub points: u64,
-    /// Highest record of each (class, withheld) present.
-    pub highest_of: HighestOf,
-}
-
-impl Packed {
-    /// Calls `each` for every column that holds anything, in block order: its [`column_index`], and its runs, highest
-    /// first.
-    pub fn columns(&self, mut each: impl FnMut(u16, &[Record])) {
-        let (before, further) = self.words.split_at(self.layout.others as usize);
-        let (before, counts) = before.split_at(self.layout.counts as usize);
-        let (places, blocks) = before[HEADER_WORDS as usize..].split_at(2 * SECTION_BLOCKS);
-        let further: &[Record] = bytemuck::cast_slice(further);
-        let counts: &[[u8; BLOCK_COLUMNS]] = bytemuck::cast_slice(counts);
-        let blocks: &[[Record; BLOCK_COLUMNS]] = bytemuck::cast_slice(blocks);
-        let mut runs = Vec::with_capacity(8);
-        for (b, &[at, first]) in places.as_chunks().0.iter().enumerate().filter(|(_, [at, _])| *at != 0) {
-            let n = (at - FIRST_BLOCK) as usize / BLOCK_WORDS;
-            let mut next = first as usize;
-            for (c, (highest, &count)) in blocks[n].iter().zip(&counts[n]).enumerate() {
-                if highest.is_empty() {
-                    continue;
-                }
-                runs.clear();
-                runs.push(*highest);
-                runs.extend_from_slice(&further[next..next + usize::from(count)]);
-                next += usize::from(count);
-                each((b * BLOCK_COLUMNS + c) as u16, &runs);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -758,28 +563,6 @@ mod tests {
         }
         assert_eq!(direct.pack().words, parent.pack().words);
         assert_eq!(parent.points(), 20_000);
-    }
-
-    #[test]
-    fn codes_keep_heights_exactly() {
-        for (lowest, highest, wide) in [
-            (5, 5, false),
-            (-30_000, 35_534, false),
-            (-30_000, 35_535, true),
-            (i32::MIN + 1, i32::MIN + 9, false),
-            (i32::MIN + 1, i32::MAX, true),
-            (i32::MAX - 9, i32::MAX, false),
-        ] {
-            let code = HeightCode::fit(lowest, highest);
-            assert_eq!(code.wide, wide, "{lowest}..={highest}");
-            for h in [lowest, highest, lowest.midpoint(highest)] {
-                let word = code.encode(Height(h));
-                assert!(word > 0 && (code.wide || word <= 0xFFFF), "{code:?} {h}");
-                assert_eq!(code.decode(word), Height(h), "{code:?}");
-            }
-        }
-        // As far below as above.
-        assert_eq!(HeightCode::fit(0, 0).base, -0x8000);
     }
 
     #[test]

@@ -1,8 +1,34 @@
-//! Why nothing is to be seen, where every point is hidden.
+//! What is shown of the points, and why nothing is to be seen where every one is hidden.
 
-use super::scene::Visibility;
-use crate::attribute::Kinds;
+use crate::attribute::{ClassMask, Kinds};
 use std::collections::BTreeSet;
+
+/// What is shown: part of the derived data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Visibility {
+    /// Classes that are shown.
+    pub classes: ClassMask,
+    /// Show withheld points too.
+    pub withheld: bool,
+    /// Longest hole to bridge, cells (0 to 4).
+    pub bridge: u32,
+}
+
+impl Visibility {
+    /// Whether points of this class are shown.
+    pub fn shows(&self, class: u8, withheld: bool) -> bool {
+        self.classes.shows(class) && (self.withheld || !withheld)
+    }
+}
+
+/// What columns show besides their class.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carried {
+    /// RGB.
+    Colors,
+    /// Intensity and returns.
+    Values,
+}
 
 /// Why points of these kinds, of which there is at least one, are all hidden, and what shows them; `None` if some are
 /// shown.

@@ -6,9 +6,8 @@
 //! read twice does no harm.
 
 use super::bins::Shared;
-use super::residency::{Extent, touches};
 use super::workers::Input;
-use crate::coords::{Grid, SectionKey};
+use crate::coords::{Extent, Grid, SectionKey};
 use crate::sample::Bounds;
 use crate::source::SourceError;
 use crate::source::known::{Known, RawBounds, Told};
@@ -337,7 +336,7 @@ impl Builds {
     }
 
     fn reaches(&self, source: usize, key: SectionKey) -> bool {
-        self.sources[source].reach.is_none_or(|[low, high]| touches(key, low, high))
+        self.sources[source].reach.is_none_or(|[low, high]| key.touches(low, high))
     }
 
     fn chunks_of(&self, source: usize) -> std::ops::Range<u32> {
@@ -346,7 +345,7 @@ impl Builds {
     }
 
     fn may_hold(&self, chunk: u32, key: SectionKey) -> bool {
-        self.chunks[chunk as usize].cells.is_none_or(|(_, [low, high])| touches(key, low, high))
+        self.chunks[chunk as usize].cells.is_none_or(|(_, [low, high])| key.touches(low, high))
     }
 
     /// The files.
@@ -522,7 +521,7 @@ impl Builds {
             if served {
                 build.bytes = super::bins::lock(&build.columns).bytes() as u64;
             }
-            let outside = cells.is_some_and(|[low, high]| !touches(key, low, high));
+            let outside = cells.is_some_and(|[low, high]| !key.touches(low, high));
             let mut ends = RoaringBitmap::new();
             if lost {
                 // Others may be writing: what they read ends by itself.

@@ -1,0 +1,8 @@
+//! From files to sections: chunks are decoded, their points binned into columns, columns packed.
+
+pub mod bins;
+pub mod budget;
+pub mod builds;
+pub mod feed;
+pub mod sparse;
+pub mod workers;
