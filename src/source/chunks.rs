@@ -1,7 +1,7 @@
 //! The index of chunks: what can be read, cut into units of reading.
 
 use super::{
-    Chunk, FileBytes, FileHeader, SourceError, Warning,
+    FileBytes, FileHeader, SourceError, Warning,
     laszip::{Compressor, Laszip, Table, read_table},
     layers::ChunkLayers,
 };
@@ -12,6 +12,21 @@ const LAS_CHUNK_RECORDS: u64 = 50_000;
 /// Most records in a compressed byte: a record takes at least one symbol of 64, the likeliest of which
 /// shrinks the coder's interval by 63/32,768 or more, so that 2,900 of them use up a byte.
 pub(super) const RECORDS_PER_BYTE: u64 = 4096;
+
+/// What one chunk is: a LAZ chunk, a COPC node, or about 50,000 LAS records.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chunk {
+    /// Index of the chunk in its file.
+    pub index: u64,
+    /// First byte in the file.
+    pub byte_offset: u64,
+    /// Bytes it takes in the file; checked against the file's length.
+    pub byte_len: u64,
+    /// Index of its first record in the file.
+    pub first_record: u64,
+    /// Records it holds.
+    pub records: u64,
+}
 
 /// Chunks in file order, and how sure the last one's count is.
 #[derive(Debug, Default)]

@@ -20,7 +20,9 @@
 //! count is the better one.
 //! Source: LASzip, `laszip_dll.cpp`, `laszip_open_reader` and `laszip_read_point`.
 
-use super::{FLAG_OVERLAP, FileHeader, LidarFile, SourceError, Warning, header::FORMAT_LEN};
+use super::{
+    FileBytes, FileHeader, SourceError, VlrEntry, Warning, header::FORMAT_LEN, kept_apart::KeptApart,
+};
 
 /// Least bytes of the record that names the mode.
 const RECORD_LEN: u64 = 156;
@@ -32,39 +34,19 @@ const NAME: std::ops::Range<usize> = 4..36;
 /// Most bytes of an extra bytes record: it has a 16-bit length.
 const MAX_ENTRIES: u64 = 65_535;
 
-/// First byte, in a record, of what the older format has no room for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct KeptApart {
-    returns: usize,
-    class: usize,
-    flags: usize,
-}
-
-impl KeptApart {
-    /// First byte behind all of them.
-    pub fn end(&self) -> usize {
-        self.returns.max(self.class).max(self.flags) + 1
-    }
-
-    /// Gives a point back what was kept apart. `returns`: number in the low nibble, count in the high one.
-    #[inline]
-    pub fn restore(&self, record: &[u8], returns: &mut u8, class: &mut u8, flags: &mut u8) {
-        let more = record[self.returns];
-        *returns = ((*returns & 15) + (more >> 4)) & 15 | ((*returns >> 4) + (more & 15)) << 4;
-        *class = class.wrapping_add(record[self.class]);
-        if record[self.flags] & 1 != 0 {
-            *flags |= FLAG_OVERLAP;
-        }
-    }
-}
-
-/// Makes `file`, of which the records are indexed, the LAS 1.4 file that it stands for, if it is such a one.
-pub(super) fn undo(file: &mut LidarFile) -> Result<(), SourceError> {
-    let header = &file.header;
+/// Makes `header` that of the LAS 1.4 file which the file stands for, if it is such a one. `vlrs`: all records of the
+/// file.
+pub(super) fn undo(
+    bytes: &FileBytes,
+    header: &mut FileHeader,
+    vlrs: &[VlrEntry],
+    warnings: &mut Vec<Warning>,
+) -> Result<(), SourceError> {
+    let vlr = |user_id: &str, record_id: u16| vlrs.iter().find(|v| v.is(user_id, record_id));
     if header.version.1 > 3 || !matches!(header.format, 1 | 3 | 4 | 5) {
         return Ok(());
     }
-    let Some(record) = file.vlr("lascompatible", 22204).cloned() else { return Ok(()) };
+    let Some(record) = vlr("lascompatible", 22204) else { return Ok(()) };
     let offset = record.offset;
     let odd = |reason: String| Warning::Compatibility { offset, reason };
     if record.len < RECORD_LEN {
@@ -73,27 +55,26 @@ pub(super) fn undo(file: &mut LidarFile) -> Result<(), SourceError> {
             "{} bytes, at least {RECORD_LEN} are needed: points are read as format {format}",
             record.len
         );
-        file.warnings.push(odd(reason));
+        warnings.push(odd(reason));
         return Ok(());
     }
-    let entries = match file.vlr("LASF_Spec", 4) {
-        Some(entries) => entries.read(&file.bytes, MAX_ENTRIES)?,
+    let entries = match vlr("LASF_Spec", 4) {
+        Some(entries) => entries.read(bytes, MAX_ENTRIES)?,
         None => Vec::new(),
     };
     let (kept_apart, has_infrared) = match find(&entries, header) {
         Ok(found) => found,
         Err(reason) => {
-            file.warnings.push(odd(format!("{reason}: points are read as format {}", header.format)));
+            warnings.push(odd(format!("{reason}: points are read as format {}", header.format)));
             return Ok(());
         }
     };
-    let payload = record.read(&file.bytes, u64::from(u16::MAX))?;
+    let payload = record.read(bytes, u64::from(u16::MAX))?;
     let mut count = [0; 8];
     count.copy_from_slice(&payload[COUNT_AT..COUNT_AT + 8]);
     let (large, claimed) = (u64::from_le_bytes(count), header.claimed_points);
-    let has_wkt = file.vlr("LASF_Projection", 2112).is_some();
+    let has_wkt = vlr("LASF_Projection", 2112).is_some();
 
-    let header = &mut file.header;
     header.kept_apart = Some(kept_apart);
     header.format = match (header.stored_format, has_infrared) {
         (1, _) => 6,
@@ -109,7 +90,7 @@ pub(super) fn undo(file: &mut LidarFile) -> Result<(), SourceError> {
     if claimed == 0 || claimed == u64::from(u32::MAX) && large > claimed {
         header.claimed_points = large;
     } else if large != 0 && large != claimed {
-        file.warnings.push(odd(format!("it counts {large} points, the header {claimed}; {claimed} is used")));
+        warnings.push(odd(format!("it counts {large} points, the header {claimed}; {claimed} is used")));
     }
     Ok(())
 }
@@ -159,15 +140,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_kept_apart_comes_back() {
-        let at = KeptApart { returns: 0, class: 1, flags: 2 };
-        let restore = |record: [u8; 3], mut returns: u8, mut class: u8, mut flags: u8| {
-            at.restore(&record, &mut returns, &mut class, &mut flags);
-            (returns, class, flags)
-        };
-        // Return 9 of 12 is kept as 4 of 7 with 5 and 5 to add.
-        assert_eq!(restore([0x55, 0, 0b101], 0x74, 6, 4), (0xc9, 6, 4 | FLAG_OVERLAP));
-        assert_eq!(restore([0, 200, 0b110], 0x11, 0, 0), (0x11, 200, 0));
-        assert_eq!((at.end(), entry_len(4, 6), entry_len(13, 0), entry_len(0, 7)), (3, 2, 4, 7));
+    fn entries_have_the_lengths_of_their_types() {
+        assert_eq!((entry_len(4, 6), entry_len(13, 0), entry_len(0, 7)), (2, 4, 7));
     }
 }

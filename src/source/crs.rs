@@ -8,6 +8,8 @@ use crate::text::harmless;
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
+pub use super::system::CrsKind;
+
 /// A coordinate reference system as far as drawing needs it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Crs {
@@ -38,20 +40,6 @@ impl Crs {
         names.for_each(|name| *name = harmless(name));
         self
     }
-}
-
-/// What X, Y, Z are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum CrsKind {
-    /// Easting, northing, height.
-    Projected,
-    /// Longitude, latitude, height.
-    Geographic,
-    /// Cartesian, from the centre of the Earth.
-    Geocentric,
-    /// Not said.
-    Unknown,
 }
 
 /// A unit of length or angle.
@@ -436,6 +424,7 @@ mod key {
     pub const VERTICAL_CITATION: u16 = 4097;
     pub const VERTICAL_UNIT: u16 = 4099;
 }
+
 const USER_DEFINED: u16 = 32767;
 
 struct GeoKeys<'a> {

@@ -2,9 +2,9 @@
 
 use super::{
     BLOCK_RECORDS, Chunk, FileHeader, LidarFile, OpenFile, PointBlock, SourceError,
-    compatible::KeptApart,
     contain::contain,
     fields::{GpsTime, RgbV1},
+    kept_apart::KeptApart,
     laszip::{Compressor, Laszip},
     layers::ChunkLayers,
     stream::{ByteStream, Splice, source_error},

@@ -16,13 +16,13 @@
 //!
 //! Entries are written whole or not at all.
 
+use super::LidarFile;
 use super::known::{Known, RawBounds, Told};
-use super::{Chunk, LidarFile};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
-use xxhash_rust::xxh3::{Xxh3Default, xxh3_64, xxh3_128};
+use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
 const MAGIC: &[u8; 8] = b"LASRAYCB";
 const VERSION: u32 = 1;
@@ -42,18 +42,6 @@ const VARIABLE: &str = "LASRAY_CACHE";
 pub struct Cache {
     folder: PathBuf,
     most_bytes: u64,
-}
-
-/// Digest of a header's bytes and of the chunks that were found.
-pub(super) fn digest(header: &[u8], chunks: &[Chunk]) -> u64 {
-    let mut digest = Xxh3Default::new();
-    digest.update(header);
-    for Chunk { byte_offset, byte_len, first_record, records, .. } in chunks {
-        for number in [byte_offset, byte_len, first_record, records] {
-            digest.update(&number.to_le_bytes());
-        }
-    }
-    digest.digest()
 }
 
 impl Cache {

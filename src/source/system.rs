@@ -2,12 +2,25 @@
 //! these are; names and codes decide only where a definition says nothing else.
 //! Source: OGC 01-009, 7; OGC 18-010r7, 8 to 14; EPSG guidance note 7-2 (methods and their parameters).
 
-use super::crs::CrsKind;
 use super::wkt::Node;
 use proj_core::{
     CoordinateOperation, CrsDef, DatumToWgs84, Ellipsoid, GeocentricCrsDef, GeographicCrsDef, HelmertParams,
     LinearUnit, OperationDomain, OperationMethod, ProjectedCrsDef, ProjectionMethod,
 };
+
+/// What X, Y, Z are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CrsKind {
+    /// Easting, northing, height.
+    Projected,
+    /// Longitude, latitude, height.
+    Geographic,
+    /// Cartesian, from the centre of the Earth.
+    Geocentric,
+    /// Not said.
+    Unknown,
+}
 
 /// The horizontal part of a coordinate system, as numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
