@@ -1,6 +1,9 @@
 //! Where the middle of a file lies, before anything is known of it: what coordinate systems are judged by.
 
-use super::{Opened, Seen, append, median, parallel, unpack};
+use super::open::Opened;
+use super::parallel::parallel;
+use super::quantile::median;
+use super::seen::{Seen, append, unpack};
 use crate::source::LidarFile;
 use crate::source::crs::{Crs, CrsKind};
 use glam::DVec3;

@@ -1,6 +1,6 @@
 //! Bounds that hold the data and not the stray points, and the ground that boxes cover.
 
-use super::quantile;
+use super::quantile::quantile;
 use crate::coords::tidy;
 use crate::source::crs::Unit;
 use glam::{DVec2, DVec3};

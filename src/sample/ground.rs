@@ -1,9 +1,13 @@
 //! The ground at the sampled places: what the cell size is chosen from.
 
+use super::budget::Budget;
 use super::cell::{self, Patch};
 use super::frame::{self, Bounds};
+use super::open::Opened;
+use super::parallel::parallel;
 use super::places::Place;
-use super::{Budget, Opened, Seen, append, median, parallel, unpack};
+use super::quantile::median;
+use super::seen::{Seen, append, unpack};
 use crate::source::PointBlock;
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;

@@ -1,6 +1,7 @@
 //! Where a set is read: everywhere, or at a few places.
 
-use super::{Budget, Opened};
+use super::budget::Budget;
+use super::open::Opened;
 use crate::source::{Chunk, Copc, LidarFile, VoxelKey};
 use std::collections::HashMap;
 

@@ -1,7 +1,10 @@
 //! Whether a file's RGB fields hold colour, and how deep it is: once a file, never per point.
 
-use super::{Opened, RGB_POINTS};
+use super::open::Opened;
 use crate::source::LidarFile;
+
+/// A file with RGB and fewer sampled points than this is read a little further.
+pub(super) const RGB_POINTS: usize = 256;
 
 /// What a file's RGB fields hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]

@@ -1,0 +1,39 @@
+//! A point of the sample, as it is stored, and whether it is shown by default.
+
+use crate::source::{FLAG_WITHHELD, LidarFile, PointBlock};
+use glam::DVec3;
+
+/// Whether a point is hidden unless asked for: noise and withheld.
+#[inline]
+pub fn hidden_by_default(class: u8, flags: u8) -> bool {
+    matches!(class, 7 | 18) || flags & FLAG_WITHHELD != 0
+}
+
+/// A point of the sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub raw: [i32; 3],
+    pub class: u8,
+    pub flags: u8,
+    pub returns: u8,
+    pub intensity: u16,
+    pub rgb: [u16; 3],
+}
+
+pub(super) fn append(block: &PointBlock, seen: &mut Vec<Seen>) {
+    seen.extend((0..block.len()).map(|i| Seen {
+        raw: [block.x[i], block.y[i], block.z[i]],
+        class: block.class[i],
+        flags: block.flags[i],
+        returns: block.returns[i],
+        intensity: block.intensity[i],
+        rgb: block.rgb.get(i).copied().unwrap_or_default(),
+    }));
+}
+
+/// File coordinates of a raw point.
+pub(super) fn unpack(file: &LidarFile, raw: [i32; 3]) -> DVec3 {
+    let (scale, offset) = (file.header.scale, file.header.offset);
+    let [x, y, z] = raw.map(f64::from);
+    DVec3::new(x * scale.x + offset.x, y * scale.y + offset.y, z * scale.z + offset.z)
+}

@@ -1,0 +1,57 @@
+//! What colours are chosen by: the attributes of the points that are shown by default.
+
+use super::quantile::quantile;
+use super::seen::Seen;
+use crate::attribute::{AttributeSummary, Spread};
+
+/// A point that is shown by default, and how many it stands for.
+pub(super) struct Shown<'a> {
+    pub seen: &'a Seen,
+    pub weight: f64,
+    pub u: f64,
+    pub rgb: [u8; 3],
+}
+
+pub(super) fn summarise(shown: &[Shown], has_rgb: bool) -> AttributeSummary {
+    let (mut classes, mut returns) = (vec![0.0; 256], vec![0.0; 256]);
+    for point in shown {
+        classes[usize::from(point.seen.class)] += point.weight;
+        returns[usize::from(point.seen.returns)] += point.weight;
+    }
+    let total = |keep: &dyn Fn(&Shown) -> bool| {
+        shown.iter().filter(|point| keep(point)).map(|point| point.weight).sum::<f64>().round() as u64
+    };
+    let first = shown.first().map_or([0; 3], |point| point.rgb);
+    AttributeSummary {
+        points: total(&|_| true),
+        height: spread(shown.iter().map(|point| (point.u, point.weight))),
+        intensity: spread(shown.iter().map(|point| (f64::from(point.seen.intensity), point.weight))),
+        classes: counts(&classes),
+        returns: counts(&returns),
+        has_rgb,
+        colored: total(&|point| point.rgb != [0; 3]),
+        rgb_constant: shown.iter().all(|point| point.rgb == first).then_some(first),
+    }
+}
+
+/// Whole points; what was seen at all is never 0.
+fn counts(weights: &[f64]) -> Box<[u64; 256]> {
+    let count = |&weight: &f64| if weight > 0.0 { (weight.round() as u64).max(1) } else { 0 };
+    let counts: Vec<u64> = weights.iter().map(count).collect();
+    counts.into_boxed_slice().try_into().expect("one a class")
+}
+
+/// Spread of (value, weight). Strays lie more than ten spans of percentiles 1-99 away; without a span
+/// nothing tells a stray from a roof, and all values count.
+fn spread(values: impl Iterator<Item = (f64, f64)>) -> Spread {
+    let mut values: Vec<(f64, f64)> = values.filter(|(value, _)| value.is_finite()).collect();
+    let mut at = |share| quantile(&mut values, share);
+    let (Some(p1), Some(p2), Some(p98), Some(p99)) = (at(0.01), at(0.02), at(0.98), at(0.99)) else {
+        return Spread::default();
+    };
+    let reach = if p99 > p1 { 10.0 * (p99 - p1) } else { f64::INFINITY };
+    let near =
+        values.iter().map(|(value, _)| *value).filter(|value| (p1 - reach..=p99 + reach).contains(value));
+    let (min, max) = near.fold((p1, p99), |(min, max), value| (value.min(min), value.max(max)));
+    Spread { min, max, p2, p98 }
+}
