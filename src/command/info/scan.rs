@@ -1,6 +1,6 @@
 //! What only reading every point tells.
 
-use super::Box3;
+use super::ranges::{Box3, Range};
 use crate::attribute::class_name;
 use crate::sample::{Opened, parallel};
 use crate::source::{FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, LidarFile, PointBlock};
@@ -31,27 +31,6 @@ pub struct Scan {
     pub overlap: u64,
     /// Chunks that cannot be read, or not to their end.
     pub damage: Vec<String>,
-}
-
-/// Lowest and highest value; upside down where there is none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Range {
-    pub min: u16,
-    pub max: u16,
-}
-
-impl Range {
-    const NONE: Range = Range { min: u16::MAX, max: 0 };
-
-    fn include(&mut self, value: u16) {
-        self.min = self.min.min(value);
-        self.max = self.max.max(value);
-    }
-
-    fn merge(&mut self, other: Range) {
-        self.min = self.min.min(other.min);
-        self.max = self.max.max(other.max);
-    }
 }
 
 impl Default for Scan {

@@ -1,7 +1,8 @@
 //! The report as a page of text.
 
-use super::scan::{Range, Scan};
-use super::{Box3, CrsReport, FileReport, Report, Total};
+use super::ranges::{Box3, Range};
+use super::report::{CrsReport, FileReport, Report, Total};
+use super::scan::Scan;
 use crate::attribute::class_name;
 use crate::source::crs::{CrsKind, Unit};
 use std::fmt::Write;

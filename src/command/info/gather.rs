@@ -1,242 +1,19 @@
-//! `lasray info`: what is in the files, and how they would be drawn.
+//! Gathers the report: opens the files, takes the opening sample, scans them where that is asked for.
 
-mod scan;
-mod text;
-
-use super::placement::PlacementArgs;
-use super::{Outcome, check_targets};
+use super::args::Args;
+use super::report::{FileReport, Report, Total};
+use super::scan::{self, Scan};
 use crate::attribute::ColorMode;
 use crate::coords::height_step;
-use crate::gpu::{DeviceInfo, list_devices};
-use crate::output::{Protected, Signed, Target, print};
 use crate::problems::Problems;
 use crate::sample::{self, Bounds, Budget, FrameNote, Opened, RgbDepth, Sample};
-use crate::source::crs::{Crs, CrsKind, Unit};
-use crate::source::inputs::{self, Inputs};
+use crate::source::crs::{Crs, CrsKind};
+use crate::source::inputs::Inputs;
 use crate::source::placement::{Placement, PlacementNote};
-use crate::text::{harmless, harmless_lines};
-use anyhow::Context;
-use scan::Scan;
-use serde::Serialize;
-use std::path::PathBuf;
-
-/// Arguments of `lasray info`.
-#[derive(Clone, Debug, clap::Args)]
-pub struct Args {
-    /// Files, folders, @list.txt, patterns
-    #[arg(required_unless_present = "devices", value_name = "INPUT")]
-    inputs: Vec<PathBuf>,
-    /// List the Vulkan devices, with what each lacks
-    #[arg(long, conflicts_with = "inputs")]
-    devices: bool,
-    /// Read every point: classes, ranges of all attributes, true bounds
-    #[arg(long)]
-    scan: bool,
-    /// Write all of it there, for programs; -: to standard output, in the place of the page for people
-    #[arg(long, value_name = "FILE")]
-    json: Option<Target>,
-    #[command(flatten)]
-    placement: PlacementArgs,
-    /// Exit code 1 if any input fails
-    #[arg(long)]
-    strict: bool,
-    /// No progress
-    #[arg(short, long)]
-    quiet: bool,
-}
-
-/// A device, as `--json` gives it.
-#[derive(Debug, Serialize)]
-struct DeviceReport<'a> {
-    /// What `--device` takes.
-    index: usize,
-    name: &'a str,
-    kind: String,
-    driver: &'a str,
-    /// Vulkan version.
-    api: String,
-    memory_bytes: u64,
-    /// Empty for a device that can be used.
-    missing: &'a [&'static str],
-}
-
-impl DeviceReport<'_> {
-    fn of(device: &DeviceInfo) -> DeviceReport<'_> {
-        let [major, minor, patch] = device.api;
-        DeviceReport {
-            index: device.index,
-            name: &device.name,
-            kind: device.kind.to_string(),
-            driver: &device.driver,
-            api: format!("{major}.{minor}.{patch}"),
-            memory_bytes: device.memory_bytes,
-            missing: &device.missing,
-        }
-    }
-}
-
-/// The page for people on standard output, and all of it where `--json` says, which may take its place.
-fn tell(args: &Args, page: &str, all: &impl Serialize, protected: &Protected) -> anyhow::Result<()> {
-    if let Some(to) = &args.json {
-        let text = serde_json::to_string_pretty(all).context("cannot write JSON")? + "\n";
-        to.write(&text, protected)?;
-    }
-    match args.json {
-        Some(Target::Stdout) => Ok(()),
-        // Nothing that a terminal obeys, wherever it came from.
-        _ => print(&harmless_lines(page)).context("cannot write to standard output"),
-    }
-}
-
-/// Everything that is printed.
-#[derive(Debug, Serialize)]
-struct Report {
-    files: Vec<FileReport>,
-    /// Inputs that could not be used, and why.
-    failed: Vec<String>,
-    all: Total,
-}
-
-/// One file.
-#[derive(Debug, Serialize)]
-struct FileReport {
-    path: String,
-    /// LAS version.
-    version: String,
-    /// LAS, LAZ or COPC.
-    kind: &'static str,
-    /// What the points are.
-    point_format: u8,
-    /// The format that they are kept in, where it is another one: LASzip's compatibility mode.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    kept_as: Option<u8>,
-    /// Points that can be read.
-    points: u64,
-    /// Points that the header claims.
-    claimed_points: u64,
-    chunks: usize,
-    /// As the header has them, file coordinates; null where they are no bounds.
-    bounds: Option<Box3>,
-    /// Digits behind the point that its coordinates have.
-    #[serde(skip)]
-    decimals: [usize; 3],
-    crs: Option<CrsReport>,
-    /// Points in a square world unit of its bounds.
-    density: Option<f64>,
-    /// "absent" where the format has none; "none" where the fields hold no colour.
-    rgb: &'static str,
-    /// As stored, where it is the same everywhere and not black.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    rgb_constant: Option<[u16; 3]>,
-    /// Its coordinate system is transformed into that of all.
-    transformed: bool,
-    /// It is not drawn, since there is no way from its coordinate system into that of all.
-    left_out: bool,
-    /// A part of it could not be read.
-    #[serde(skip)]
-    unreadable: bool,
-    warnings: Vec<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    scan: Option<Scan>,
-}
-
-impl FileReport {
-    /// Points are missing.
-    fn is_damaged(&self) -> bool {
-        self.unreadable || self.scan.as_ref().is_some_and(|scan| !scan.damage.is_empty())
-    }
-}
-
-/// All files that are drawn.
-#[derive(Debug, Serialize)]
-struct Total {
-    files: usize,
-    points: u64,
-    /// World coordinates, without stray points: what a picture frames.
-    bounds: Option<Box3>,
-    #[serde(skip)]
-    decimals: [usize; 3],
-    crs: Option<CrsReport>,
-    /// Of world coordinates.
-    unit: Option<Unit>,
-    /// Points of different E, N in a square unit of the ground they cover.
-    density: f64,
-    /// What `--cell auto` comes to, world units.
-    cell: f64,
-    /// Step of the heights' lattice beside such cells, world units; none where there is none.
-    height_step: Option<f64>,
-    /// Share of the ground's cells that hold a point at that size.
-    coverage: f64,
-    /// What `--color auto` comes to.
-    color: &'static str,
-    /// Percentiles 2 and 98 of shown points.
-    height_p2_p98: [f64; 2],
-    intensity_p2_p98: [f64; 2],
-    /// Points that density, cell and colour rest on.
-    sampled: u64,
-    notes: Vec<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    scan: Option<Scan>,
-}
-
-/// A box, E, N, U.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-struct Box3 {
-    min: [f64; 3],
-    max: [f64; 3],
-}
-
-impl From<Bounds> for Box3 {
-    fn from(bounds: Bounds) -> Box3 {
-        Box3 { min: bounds.min.to_array(), max: bounds.max.to_array() }
-    }
-}
-
-/// A coordinate system.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-struct CrsReport {
-    name: String,
-    epsg: Option<u32>,
-    kind: CrsKind,
-    unit: Unit,
-    vertical_unit: Option<Unit>,
-}
-
-impl From<&Crs> for CrsReport {
-    fn from(crs: &Crs) -> CrsReport {
-        CrsReport {
-            name: crs.name.clone(),
-            epsg: crs.epsg,
-            kind: crs.kind,
-            unit: crs.horizontal_unit.clone(),
-            vertical_unit: crs.vertical_unit.clone(),
-        }
-    }
-}
-
-/// Runs `lasray info`. [`Outcome::Incomplete`] where nothing could be read, or an input failed with
-/// `--strict`.
-pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
-    let found = inputs::expand(&args.inputs);
-    let protected = Protected::of(&found);
-    check_targets(&protected, [], args.json.iter().map(|to| ("--json", to)))?;
-    if args.devices {
-        let devices = list_devices()?;
-        let page: String = devices.iter().map(|device| format!("{device}\n")).collect();
-        let all: Vec<_> = devices.iter().map(DeviceReport::of).map(Signed::new).collect();
-        tell(&args, &page, &all, &protected)?;
-        return Ok(Outcome::Done);
-    }
-    let report = gather(&args, &found, problems);
-    // A closed stderr is nothing to stop for.
-    let _ = problems.finish(false, &mut std::io::stderr().lock());
-    tell(&args, &text::page(&report), &Signed::new(&report), &protected)?;
-    let failed = args.strict && problems.failed;
-    Ok(if failed || report.files.is_empty() { Outcome::Incomplete } else { Outcome::Done })
-}
+use crate::text::harmless;
 
 /// What is missing, in whole or in part, goes to `problems`, too.
-fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Report {
+pub(super) fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Report {
     problems.look_at(found);
     let mut failed: Vec<String> = found.failed.iter().map(|error| harmless(&error.to_string())).collect();
     let mut files = Vec::new();
@@ -392,7 +169,9 @@ fn decimals(scale: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::super::text;
     use super::*;
+    use crate::source::inputs;
     use crate::synth::{Format, Tile, Town, write_tile};
     use clap::Parser as _;
     use std::path::Path;

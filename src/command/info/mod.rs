@@ -1,0 +1,13 @@
+//! `lasray info`: what is in the files, and how they would be drawn.
+
+mod args;
+mod devices;
+mod gather;
+mod ranges;
+mod report;
+mod run;
+mod scan;
+mod text;
+
+pub use args::Args;
+pub use run::run;
