@@ -1,9 +1,10 @@
 //! Both pipelines along camera paths, frame by frame.
 
-use super::FrameTimes;
+use super::failure::{Stopped, is_too_large};
 use super::pool::{AHEAD, Pool};
 use super::steady::{self, Repeats, Timing, WarmUp};
 use super::thesis::{Config, Kernel, Picture, Thesis};
+use super::times::FrameTimes;
 use super::world::World;
 use crate::coords::CELL_LIMIT;
 use crate::gpu::{Gpu, QueueKind, Timestamps};
@@ -38,11 +39,6 @@ impl Options<'_> {
         if self.stop.load(Ordering::Relaxed) { Err(Stopped.into()) } else { Ok(()) }
     }
 }
-
-/// [`Options::stop`] was set.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("stopped")]
-pub struct Stopped;
 
 /// Frames of a path whose passes are timed at steady clocks, at most.
 const TRACED_FRAMES: usize = 24;
@@ -285,7 +281,7 @@ pub fn run(
                 }
                 Some(done.map(|()| flight))
             }
-            Some(Err(error)) if !super::is_too_large(&error) => return Err(error),
+            Some(Err(error)) if !is_too_large(&error) => return Err(error),
             other => other,
         };
         if !draws {

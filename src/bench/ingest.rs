@@ -3,7 +3,7 @@
 //! Everything that is compared is run in turn, so that a machine that slows down slows all of it; figures are medians.
 
 use super::cache;
-use super::frames::Stopped;
+use super::failure::Stopped;
 pub use super::report::{Cache, IngestKind, IngestRow, IngestSample};
 use super::towns::{Set, Towns};
 use crate::coords::Grid;

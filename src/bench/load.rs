@@ -5,8 +5,9 @@
 //! from the finest level up until a level is as high already. The four around the camera have priority. Points come
 //! from our decoder here, which is faster than the one it used.
 
-use super::frames::Stopped;
+use super::failure::Stopped;
 use super::ingest::Case;
+use super::memory::free_bytes;
 use super::report::{LoadRow, Stat};
 use crate::attribute::ClassMask;
 use crate::gpu::{Gpu, Order};
@@ -184,7 +185,7 @@ pub fn run(
     let levels = LEVELS.min(side.ilog2());
     let bytes = (ARRAY * side).pow(2) as u64 * 28 / 3;
     ensure!(
-        super::free_bytes().is_none_or(|free| bytes < free),
+        free_bytes().is_none_or(|free| bytes < free),
         "{name}: 16 sections of {side} x {side} cells do not fit the host's memory"
     );
     progress(&format!("{name}: warming up"));

@@ -2,8 +2,8 @@
 //! the window comes near it; a frame draws what is resident and waits for none.
 
 use super::steady::{Timing, WarmUp};
+use super::times::{FrameTimes, ms};
 use super::world::World;
-use super::{FrameTimes, ms};
 use crate::coords::{SECTION_LOG2, SectionKey};
 use crate::gpu::{Gpu, Order, QueueKind, SyncPoint, Timestamps};
 use crate::render::frame::{FrameError, PASSES, Renderer, Repeats, View};

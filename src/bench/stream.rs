@@ -9,10 +9,10 @@
 //! frame has to draw yet, and its clock is the same in all flights. Whether that was so the two flights with everything
 //! there tell: a run in which they differ too much has no ratio.
 
-use super::frames::Stopped;
-use super::ms;
+use super::failure::Stopped;
 use super::report::{Stat, StreamFrames, StreamKind, StreamRow};
 use super::steady::{Repeats, WARM_MS};
+use super::times::ms;
 use crate::attribute::{ClassMask, ColorTable};
 use crate::gpu::{DeviceKind, Gpu, Order, QueueKind, SyncPoint, Timestamps};
 use crate::load::{self, LoadError, LoadOptions, Opening};

@@ -3,8 +3,8 @@
 //! and colours (§3.1.2), and traced by the plain traversal (§3.2.3) in upright strips (§3.3.2).
 
 use super::steady::{Timing, WarmUp};
+use super::times::{FrameTimes, ms};
 use super::world::World;
-use super::{FrameTimes, ms};
 use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
     Recipe, SyncPoint, Timestamps, shaders,

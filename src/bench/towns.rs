@@ -5,7 +5,7 @@
 //! generator has other names. The folder gets its name when it is complete, with a list of its files, their sizes and
 //! checksums (XXH3); what does not match its list is made anew. The sets that were used least recently make room for others.
 
-use super::frames::Stopped;
+use super::failure::Stopped;
 use crate::load;
 use crate::synth::{Format, SynthError, Tile, Town, square, write_tile};
 use anyhow::Context;
