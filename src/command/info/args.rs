@@ -9,22 +9,22 @@ use std::path::PathBuf;
 pub struct Args {
     /// Files, folders, @list.txt, patterns
     #[arg(required_unless_present = "devices", value_name = "INPUT")]
-    pub inputs: Vec<PathBuf>,
+    pub(super) inputs: Vec<PathBuf>,
     /// List the Vulkan devices, with what each lacks
     #[arg(long, conflicts_with = "inputs")]
-    pub devices: bool,
+    pub(super) devices: bool,
     /// Read every point: classes, ranges of all attributes, true bounds
     #[arg(long)]
-    pub scan: bool,
+    pub(super) scan: bool,
     /// Write all of it there, for programs; -: to standard output, in the place of the page for people
     #[arg(long, value_name = "FILE")]
-    pub json: Option<Target>,
+    pub(super) json: Option<Target>,
     #[command(flatten)]
-    pub placement: PlacementArgs,
+    pub(super) placement: PlacementArgs,
     /// Exit code 1 if any input fails
     #[arg(long)]
-    pub strict: bool,
+    pub(super) strict: bool,
     /// No progress
     #[arg(short, long)]
-    pub quiet: bool,
+    pub(super) quiet: bool,
 }
