@@ -3,7 +3,8 @@
 //! Colours here (points' RGB, ramps, palettes) are sRGB-encoded; light is computed and EXR written in
 //! linear values: [`srgb_to_linear`] after the lookup, [`linear_to_srgb`] before an 8-bit file.
 
-use crate::coords::{Grid, Height, tidy};
+use crate::coords::{Grid, Height};
+use crate::text::tidy;
 use bytemuck::{Pod, Zeroable};
 use clap::ValueEnum;
 use std::collections::BTreeSet;

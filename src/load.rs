@@ -2,13 +2,12 @@
 
 use crate::attribute::AttributeSummary;
 use crate::attribute::{ColorMode, Kinds};
-use crate::coords::{CELL_LIMIT, Grid, HEIGHT_REACH, SectionKey, height_step, tidy};
+use crate::coords::{Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, SectionKey, height_step};
 use crate::ingest::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::ingest::budget::layer_bytes;
 use crate::ingest::builds::OpenInput;
 use crate::ingest::workers::{Input, Progress, read_all};
 use crate::problems::Problems;
-use crate::render::camera::Bounds;
 use crate::sample::{self, FileSample, Opened, RgbDepth};
 use crate::section::Columns;
 use crate::source::known::{Known, Told};
@@ -17,6 +16,7 @@ use crate::source::learned::Cache;
 use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions};
 use crate::source::{LayerMemory, LidarFile, crs::Crs, crs::Unit};
 use crate::synth;
+use crate::text::tidy;
 use glam::DVec3;
 use indicatif::{HumanBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
@@ -277,7 +277,6 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         }
         return Err(LoadError::Nothing("no point is left"));
     };
-    let bounds = Bounds { min: bounds.min, max: bounds.max };
     let cell = match options.cell {
         Some(cell) => cell,
         None => auto_cell(sample.cell.cell, &bounds)?,
@@ -348,7 +347,7 @@ fn without_too_high(
         return Ok((too_high, bounds));
     }
     let held = held.ok_or(LoadError::Nothing("no point is left"))?;
-    Ok((too_high, Bounds { min: held.min, max: held.max }))
+    Ok((too_high, held))
 }
 
 /// What was learned before, and what spatial indices tell.

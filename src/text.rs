@@ -38,6 +38,19 @@ fn is_hidden(letter: char) -> bool {
             | '\u{e0000}'..='\u{e007f}')
 }
 
+/// A number for people: at most six digits behind the point, none of them idle; an exponent where it would be long.
+pub fn tidy(value: f64) -> String {
+    let size = value.abs();
+    if size != 0.0 && !(1e-6..1e15).contains(&size) {
+        // Four digits, again without idle ones.
+        return format!("{value:.3e}")
+            .parse::<f64>()
+            .map_or_else(|_| value.to_string(), |v| format!("{v:e}"));
+    }
+    let fixed = format!("{value:.6}");
+    fixed.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -50,5 +63,15 @@ mod tests {
         let words = "Höhe 点群 ñ № 7 \"C:\\data\" म\u{94d}\u{200d}म 𝛼";
         assert_eq!(harmless(words), words);
         assert_eq!(harmless_lines("a\n\x1bb"), "a\n\\u{1b}b");
+    }
+
+    #[test]
+    fn numbers_are_tidy() {
+        let numbers =
+            [0.0, 1.0, -0.25, 17.275000000000002, 6_277_568.0, 100.0, 1e-6, 1e-30, 1.0 / 3e9, 1e300];
+        let words =
+            ["0", "1", "-0.25", "17.275", "6277568", "100", "0.000001", "1e-30", "3.333e-10", "1e300"];
+        assert_eq!(numbers.map(tidy), words);
+        assert_eq!(tidy(f64::NAN), "NaN");
     }
 }

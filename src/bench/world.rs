@@ -1,10 +1,9 @@
 //! What both pipelines draw: sections in host memory, repeated without end, so that no path runs out of land.
 
 use crate::attribute::{AttributeError, ClassMask, ColorTable, Record};
-use crate::coords::{Grid, Height, SECTION_SIDE, SectionKey};
+use crate::coords::{Bounds, Grid, Height, SECTION_SIDE, SectionKey};
 use crate::load::{self, LoadError, LoadOptions, Loaded};
 use crate::problems::Problems;
-use crate::render::camera::Bounds;
 use crate::resident::visibility::Visibility;
 use crate::section::slot::slot_bytes;
 use crate::section::{Columns, Packed, column_at};

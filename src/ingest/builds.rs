@@ -7,8 +7,7 @@
 
 use super::bins::Shared;
 use super::workers::Input;
-use crate::coords::{Extent, Grid, SectionKey};
-use crate::sample::Bounds;
+use crate::coords::{Bounds, Extent, Grid, SectionKey};
 use crate::source::SourceError;
 use crate::source::known::{Known, RawBounds, Told};
 use glam::DVec3;

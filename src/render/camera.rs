@@ -1,6 +1,7 @@
 //! The camera, in world coordinates, and the rays of its pixels. All f64.
 
-use crate::coords::tidy;
+use crate::coords::{Bounds, on_lattice};
+use crate::text::tidy;
 use glam::DVec3;
 
 /// Share of the picture's half-width and half-height that framed data fill.
@@ -79,70 +80,6 @@ fn positive(what: &'static str, value: f64) -> Result<f64, CameraError> {
 fn finite3(names: [&'static str; 3], v: DVec3) -> Result<DVec3, CameraError> {
     names.into_iter().zip(v.to_array()).try_for_each(|(what, value)| finite(what, value).map(drop))?;
     Ok(v)
-}
-
-/// To the nearest multiple of `step`, a power of two.
-fn on_lattice(v: DVec3, step: f64) -> DVec3 {
-    (v / step).round() * step
-}
-
-/// An axis-parallel box in world coordinates.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// West, south, lowest.
-    pub min: DVec3,
-    /// East, north, highest.
-    pub max: DVec3,
-}
-
-impl Bounds {
-    /// Middle of the box.
-    pub fn center(&self) -> DVec3 {
-        self.min + (self.max - self.min) * 0.5
-    }
-
-    /// The same to the nearest multiple of `step`, a power of two, so that its size does not depend on where it lies.
-    pub fn snapped(&self, step: f64) -> Bounds {
-        Bounds { min: on_lattice(self.min, step), max: on_lattice(self.max, step) }
-    }
-
-    /// The same, grown evenly on all sides until its longest side is at least `side`: what is smaller than a cell is
-    /// drawn as large as one.
-    pub fn at_least(&self, side: f64) -> Bounds {
-        let grown = (0.5 * (side - (self.max - self.min).max_element())).max(0.0);
-        Bounds { min: self.min - grown, max: self.max + grown }
-    }
-
-    /// How far down the sides of columns in the box, which have no end, are looked for: as far as a picture of the box
-    /// shows any.
-    pub fn solid_down_to(&self) -> f64 {
-        self.min.z - 1000.0 * (self.max - self.min).max_element()
-    }
-
-    /// The box out to the borders of the cells of `cell` that it touches: what is drawn of points that lie in it.
-    pub fn of_cells(&self, cell: f64) -> Bounds {
-        let out = |v: f64, border: fn(f64) -> f64| border(v / cell) * cell;
-        let [west, south] = [self.min.x, self.min.y].map(|v| out(v, f64::floor));
-        let [east, north] = [self.max.x, self.max.y].map(|v| out(v, |v| v.floor() + 1.0));
-        Bounds { min: DVec3::new(west, south, self.min.z), max: DVec3::new(east, north, self.max.z) }
-    }
-
-    /// The box as it is shown under vertical exaggeration about `pivot_u`.
-    pub fn exaggerated(&self, z_scale: f64, pivot_u: f64) -> Bounds {
-        let shown = |v: DVec3| DVec3 { z: pivot_u + (v.z - pivot_u) * z_scale, ..v };
-        Bounds { min: shown(self.min), max: shown(self.max) }
-    }
-
-    fn corners(&self) -> [DVec3; 8] {
-        let pick = |bit: usize, a: f64, b: f64| if bit == 0 { a } else { b };
-        std::array::from_fn(|k| {
-            DVec3::new(
-                pick(k & 1, self.min.x, self.max.x),
-                pick(k & 2, self.min.y, self.max.y),
-                pick(k & 4, self.min.z, self.max.z),
-            )
-        })
-    }
 }
 
 /// How rays spread.

@@ -1,9 +1,9 @@
 //! One picture of a scene: the passes of a frame, and what comes back.
 
-use super::camera::{Bounds, Camera, CameraError, RayBasis};
+use super::camera::{Camera, CameraError, RayBasis};
 use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
-use crate::coords::{CELL_LIMIT, Grid, Height, SectionKey, power_of_two_at_most};
+use crate::coords::{Bounds, CELL_LIMIT, Grid, Height, SectionKey, power_of_two_at_most};
 use crate::gpu::{
     Binding, BindingCache, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, DeviceKind, Gpu,
     GpuError, MemoryKind, Recipe, SyncPoint, Timestamps, shaders,

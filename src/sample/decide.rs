@@ -3,7 +3,7 @@
 use super::budget::Budget;
 use super::cell::{self, CellChoice};
 use super::facts::{facts, header_bounds, in_nodes};
-use super::frame::{self, Bounds, FrameNote};
+use super::frame::{self, FrameNote};
 use super::ground;
 use super::open::Opened;
 use super::places;
@@ -12,6 +12,7 @@ use super::rgb::{self, RgbDepth};
 use super::seen::{Seen, hidden_by_default, unpack};
 use super::summary::{Shown, summarise};
 use crate::attribute::{AttributeSummary, Kinds};
+use crate::coords::Bounds;
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
 use crate::source::{FLAG_WITHHELD, SourceError};
@@ -130,7 +131,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sa
         // Points that are all known need no header; a header that leaves out the few that are known is wrong. Of a file
         // of another system the box is wider than what is in it; nothing may lie outside, since nothing is drawn there.
         let header = header_bounds(file, placement, DVec3::ZERO)
-            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && bounds.holds_some(&placed));
+            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && frame::holds_some(*bounds, &placed));
         (file.points() > 0).then(|| frame::Framed::of(header, &placed))
     };
     let framed: Vec<frame::Framed> =

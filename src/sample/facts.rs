@@ -2,10 +2,10 @@
 //! where its header and its hierarchy have them.
 
 use super::centre;
-use super::frame::Bounds;
 use super::open::Opened;
 use super::quantile::quantile;
 use super::seen::{Seen, unpack};
+use crate::coords::Bounds;
 use crate::source::LidarFile;
 use crate::source::placement::{FileFacts, Placement};
 use glam::DVec3;

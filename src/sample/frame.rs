@@ -1,46 +1,10 @@
 //! Bounds that hold the data and not the stray points, and the ground that boxes cover.
 
 use super::quantile::quantile;
-use crate::coords::tidy;
+use crate::coords::Bounds;
 use crate::source::crs::Unit;
+use crate::text::tidy;
 use glam::{DVec2, DVec3};
-
-/// An axis-aligned box in world coordinates.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Lower corner.
-    pub min: DVec3,
-    /// Upper corner.
-    pub max: DVec3,
-}
-
-impl Bounds {
-    /// The box of finite, ordered corners.
-    pub fn new(min: DVec3, max: DVec3) -> Option<Bounds> {
-        (min.is_finite() && max.is_finite() && min.cmple(max).all()).then_some(Bounds { min, max })
-    }
-
-    /// Whether one of `points` is inside, or there is none.
-    pub(super) fn holds_some(&self, points: &[(DVec3, f64)]) -> bool {
-        let inside = |point: DVec3| point.cmpge(self.min).all() && point.cmple(self.max).all();
-        points.is_empty() || points.iter().any(|(point, _)| inside(*point))
-    }
-
-    /// The smallest box around both.
-    pub fn union(self, other: Bounds) -> Bounds {
-        Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
-    }
-
-    /// Upper corner minus lower corner.
-    pub fn size(&self) -> DVec3 {
-        self.max - self.min
-    }
-
-    /// The middle.
-    pub fn center(&self) -> DVec3 {
-        (self.min + self.max) / 2.0
-    }
-}
 
 /// Share of a file's sample that may lie outside on either side of an axis.
 const STRAY: f64 = 0.002;
@@ -56,6 +20,12 @@ const FEW: f64 = 0.01;
 const A_PLACE: usize = 8;
 /// Places that are looked for in a file.
 const MOST_PLACES: usize = 16;
+
+/// Whether one of `points` lies in `bounds`, or there is none.
+pub(super) fn holds_some(bounds: Bounds, points: &[(DVec3, f64)]) -> bool {
+    let inside = |point: DVec3| point.cmpge(bounds.min).all() && point.cmple(bounds.max).all();
+    points.is_empty() || points.iter().any(|(point, _)| inside(*point))
+}
 
 /// What of one file is framed.
 #[derive(Clone, Debug, Default)]

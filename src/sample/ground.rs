@@ -2,12 +2,13 @@
 
 use super::budget::Budget;
 use super::cell::{self, Patch};
-use super::frame::{self, Bounds};
+use super::frame;
 use super::open::Opened;
 use super::parallel::parallel;
 use super::places::Place;
 use super::quantile::median;
 use super::seen::{Seen, append, unpack};
+use crate::coords::Bounds;
 use crate::source::PointBlock;
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;

@@ -26,7 +26,7 @@ mod summary;
 pub use budget::Budget;
 pub use cell::{CellChoice, Patch, choose as choose_cell};
 pub use decide::{FileSample, Sample, take};
-pub use frame::{Bounds, FrameNote};
+pub use frame::FrameNote;
 pub use open::{Opened, open_all};
 pub(crate) use parallel::parallel;
 pub use rgb::RgbDepth;

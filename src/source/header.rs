@@ -1,7 +1,7 @@
 //! The public header block, checked against the file (LAS 1.4 R15, 2.4).
 
 use super::{FileBytes, SourceError, Warning, kept_apart::KeptApart};
-use crate::coords::tidy;
+use crate::text::tidy;
 use glam::DVec3;
 use std::io::Read;
 

@@ -7,7 +7,7 @@ use crate::ingest::bins::{Budget, Core};
 use crate::ingest::builds::{OpenInput, cells_of};
 use crate::load::{self, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
-use crate::render::camera::{Bounds, Camera};
+use crate::render::camera::Camera;
 use crate::render::frame::Renderer;
 use crate::render::sight::sight;
 use crate::resident::live::{self, Live};
@@ -384,7 +384,7 @@ impl Data {
     fn widen(&mut self, more: &load::About) -> Core {
         let known = &mut self.about.as_mut().expect("others are there").whole;
         let (a, b) = (known.bounds, more.bounds);
-        known.bounds = Bounds { min: a.min.min(b.min), max: a.max.max(b.max) };
+        known.bounds = a.union(b);
         load::core(self.grid.base_cell, &known.bounds)
     }
 

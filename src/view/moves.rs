@@ -3,7 +3,8 @@
 use super::input::Move;
 use super::redraw::{floor, traced};
 use super::{ONE_MOVE, Options, VIEWS, Viewer, navigate};
-use crate::render::camera::{Bounds, Camera, DEFAULT_ORBIT, Projection};
+use crate::coords::Bounds;
+use crate::render::camera::{Camera, DEFAULT_ORBIT, Projection};
 use crate::render::screen::Pick;
 use glam::DVec3;
 use std::time::Instant;

@@ -1,6 +1,7 @@
 //! Moves of the camera. Pure, in world coordinates, without roll.
 
-use crate::render::camera::{Bounds, Camera, CameraError, Projection};
+use crate::coords::Bounds;
+use crate::render::camera::{Camera, CameraError, Projection};
 use glam::DVec3;
 
 /// Elevations that turning comes to at most, degrees: straight down has no azimuth.

@@ -1,8 +1,9 @@
 //! What is drawn over the picture: north arrow, scale bar, the frame of data that is still to come.
 
 use super::navigate::{seen_at, units_per_pixel};
-use crate::coords::tidy;
-use crate::render::camera::{Bounds, Camera};
+use crate::coords::Bounds;
+use crate::render::camera::Camera;
+use crate::text::tidy;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
 use glam::DVec3;
 

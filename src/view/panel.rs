@@ -3,12 +3,11 @@
 use super::data::{About, Status};
 use super::input::KEYS;
 use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color, class_name};
-use crate::coords::tidy;
 use crate::render::frame::Shade;
 use crate::render::screen::Place;
 use crate::resident::visibility::Visibility;
 use crate::source::crs::CrsKind;
-use crate::text::harmless;
+use crate::text::{harmless, tidy};
 use egui::{
     Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,
     Sense, Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,

@@ -3,10 +3,10 @@
 use super::data::{self, About};
 use super::panel::Settings;
 use crate::attribute::ClassMask;
-use crate::coords::tidy;
 use crate::render::camera::{Camera, Projection};
 use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
+use crate::text::tidy;
 use glam::DVec3;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};

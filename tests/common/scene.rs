@@ -2,12 +2,12 @@
 #![allow(dead_code)] // each test file uses its part
 
 use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
-use lasray::coords::{Grid, Height, SectionKey};
+use lasray::coords::{Bounds, Grid, Height, SectionKey};
 use lasray::gpu::{Gpu, Order};
 use lasray::ingest::bins::Budget;
 use lasray::load::{self, About, LoadOptions, Loaded};
 use lasray::problems::Problems;
-use lasray::render::camera::{Bounds, Camera};
+use lasray::render::camera::Camera;
 use lasray::render::frame::{Background, Renderer, Shade, Traversal, View};
 use lasray::render::image::Image;
 use lasray::render::reference::Point;

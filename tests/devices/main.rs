@@ -19,9 +19,9 @@ mod table;
 use common::{LAVAPIPE, ORDERS, SWIFTSHADER, Setup};
 use lasray::attribute::{Attributes, ClassMask, ColorMode, ColorTable, Record};
 use lasray::bench::log::Counts;
-use lasray::coords::{Height, SectionKey};
+use lasray::coords::{Bounds, Height, SectionKey};
 use lasray::gpu::{Edge, Gpu, QueueKind, Timestamps};
-use lasray::render::camera::{Bounds, Camera, Projection};
+use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{
     FrameError, Logged, PASSES, PassOptions, Renderer, Repeats, Shade, Traversal, View,
 };

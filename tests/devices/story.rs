@@ -5,9 +5,9 @@
 use crate::scene::{self, Data, MEASURED};
 use glam::DVec3;
 use lasray::attribute::{Attributes, ClassMask, ColorMode, ColorTable, Record};
-use lasray::coords::{Height, SectionKey};
+use lasray::coords::{Bounds, Height, SectionKey};
 use lasray::gpu::{Edge, Gpu, Order};
-use lasray::render::camera::{Bounds, Camera, Projection};
+use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;

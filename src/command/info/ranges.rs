@@ -1,6 +1,6 @@
 //! Ranges of values, as the report has them.
 
-use crate::sample::Bounds;
+use crate::coords::Bounds;
 use serde::Serialize;
 
 /// Lowest and highest value; upside down where there is none.
