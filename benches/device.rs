@@ -11,10 +11,11 @@ use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{Background, PASSES, Renderer, Shade, Traversal, View};
+use lasray::resident::Work;
 use lasray::resident::pool::Access;
-use lasray::resident::scene::{Scene, Work};
+use lasray::resident::scene::Scene;
 use lasray::resident::visibility::Visibility;
-use lasray::section::{Columns, Packed};
+use lasray::section::{Columns, Payload};
 use lasray::source::placement::PlacementOptions;
 use lasray::synth::{Format, Tile, Town, write_tile};
 use std::sync::atomic::AtomicBool;
@@ -29,7 +30,7 @@ const SHOWN: fn(u32) -> Visibility =
     |bridge| Visibility { classes: ClassMask::default(), withheld: false, bridge };
 
 /// Two points a cell: one column in eight is empty, one in four has a second class.
-fn section(seed: u32) -> Packed {
+fn section(seed: u32) -> Payload {
     let mut columns = Columns::default();
     for at in 0..SECTION_SIDE * SECTION_SIDE {
         let (x, y) = (at % SECTION_SIDE, at / SECTION_SIDE);
@@ -53,7 +54,7 @@ fn gpu() -> Gpu {
     Gpu::new(&GpuOptions::default()).expect("a device")
 }
 
-fn sections() -> Vec<(SectionKey, Packed)> {
+fn sections() -> Vec<(SectionKey, Payload)> {
     let places = (0..SECTIONS_SIDE).flat_map(|j| (0..SECTIONS_SIDE).map(move |i| (i, j)));
     places.map(|(i, j)| (SectionKey { level: 0, i, j }, section((j * SECTIONS_SIDE + i) as u32))).collect()
 }

@@ -761,7 +761,7 @@ fn compiled(gpu: &Gpu, variants: &[Variant]) -> anyhow::Result<Vec<Value>> {
     }
     let mut recipes: Vec<(String, Recipe)> = Vec::new();
     #[cfg(feature = "view")]
-    let derived = lasray::resident::scene::recipes(Access::Address, true)[0].clone();
+    let derived = lasray::resident::derived_recipes(Access::Address, true)[0].clone();
     #[cfg(not(feature = "view"))]
     let derived = Vec::new();
     let passes = variants

@@ -1,6 +1,6 @@
 // Bridges small holes from what lies around them; then levels 1 and 2 of the pyramid.
 // Reads the measured bits, level 0 and what is shown of the section and its eight neighbours; writes the holes of level
-// 0 and of what is shown, and levels 1 and 2. One thread a half block; y is the job.
+// 0 and of what is shown, and levels 1 and 2. One thread a half block of those that the job is for; y is the job.
 //
 // A hole is bridged where measured columns lie on both sides of it, at most `bridge` holes between them, along
 // a row, a column or a diagonal; the shortest gap wins, then the flatter one. Between ends of similar height
@@ -45,7 +45,8 @@ uint window(uvec3 rows, uint byte, uint x) {
 }
 
 void main() {
-    uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x;
+    uint job = gl_WorkGroupID.y, half_block;
+    if (!half_block_of(gl_GlobalInvocationID.x, JOB[job].first, JOB[job].area, half_block)) return;
     uvec2 origin = half_block_origin(half_block);
     ivec2 at = ivec2(origin) / ivec2(8, 4);
     int i = at.x == 0 ? 0 : at.x == 31 ? 2 : 1, j = at.y == 0 ? 0 : at.y == 63 ? 2 : 1;
@@ -54,7 +55,7 @@ void main() {
     above = JOB[job].near[3 * j + 1];
     across = JOB[job].near[3 * j + i];
     int reach = int(DERIVE.bridge);
-    uint steep = JOB[job].slopes.x;
+    uint steep = JOB[job].steepest;
     uvec2 derived = here.xy;
     uint west = western_block(half_block, IS_WIDE);
 

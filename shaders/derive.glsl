@@ -5,7 +5,10 @@ struct Job {
     uvec4 section; // its place; where counts and further runs start
     uvec4 near[9]; // derived parts of the 3x3 sections around, row by row from the south-west, [4] its own:
                    // where it starts (0: no section), base, 1 for wide codes
-    uvec4 slopes;  // x: a gap between ends that differ by more than this a cell is no slope but an edge, lattice steps
+    uint steepest; // a gap between ends that differ by more than this a cell is no slope but an edge, lattice steps
+    uint first;    // half blocks that are to be derived: the first, and how many, east in the lower half, north in the
+    uint area;     // upper one
+    uint pad;
 };
 
 struct Derive {
@@ -71,6 +74,14 @@ uvec4 load_four(uvec2 derived, uint first, uint code) {
 uvec2 half_block_origin(uint half_block) {
     uint block = half_block >> 1u;
     return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * uvec2(8u, 4u);
+}
+
+// The half block of a thread, of those that a job is for; false: there is none.
+bool half_block_of(uint thread, uint first, uint area, out uint half_block) {
+    uvec2 size = uvec2(area & 0xFFFFu, area >> 16u);
+    uvec2 at = uvec2(first & 0xFFFFu, first >> 16u) + uvec2(thread % size.x, thread / size.x);
+    half_block = ((at.y >> 1u) * 32u + at.x) << 1u | at.y & 1u;
+    return thread < size.x * size.y;
 }
 
 // Levels 1 and 2 of a half block, from its level 0, whose first word is `west`.

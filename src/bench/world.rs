@@ -6,7 +6,7 @@ use crate::load::{self, LoadError, LoadOptions, Loaded};
 use crate::problems::Problems;
 use crate::resident::visibility::Visibility;
 use crate::section::slot::slot_bytes;
-use crate::section::{Columns, Packed, column_at};
+use crate::section::{Columns, Payload, column_at};
 use crate::source::FLAG_WITHHELD;
 use crate::synth;
 use std::collections::HashMap;
@@ -40,7 +40,7 @@ fn rgba(record: &Record, colors: &ColorTable) -> u32 {
 }
 
 /// The visible top of every column of a packed section: column (y << 8 | x), record.
-fn tops(packed: &Packed, visibility: &Visibility, mut each: impl FnMut(usize, Record)) {
+fn tops(packed: &Payload, visibility: &Visibility, mut each: impl FnMut(usize, Record)) {
     packed.columns(|column, runs| {
         let shown = |r: &&Record| visibility.shows(r.class(), r.flags() & FLAG_WITHHELD != 0);
         if let Some(&record) = runs.iter().find(shown) {

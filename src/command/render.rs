@@ -24,7 +24,7 @@ use crate::resident::scene::Scene;
 use crate::resident::visibility::Visibility;
 use crate::resident::visibility::why_hidden;
 use crate::section::slot::slot_bytes;
-use crate::section::{Columns, Packed};
+use crate::section::{Columns, Payload};
 use crate::source::crs::Crs;
 use crate::source::inputs::{self, Inputs};
 use crate::source::learned::Cache;
@@ -499,7 +499,7 @@ fn visibility(args: &Args) -> Visibility {
 
 /// Packs on one thread while another copies; what is packed is freed.
 pub fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow::Result<()> {
-    let (send, receive) = crossbeam_channel::bounded::<(SectionKey, Packed)>(4);
+    let (send, receive) = crossbeam_channel::bounded::<(SectionKey, Payload)>(4);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let work = std::sync::Mutex::new(sections.into_iter());
     std::thread::scope(|scope| {

@@ -6,8 +6,7 @@
 
 use crate::attribute::{Attributes, Record};
 use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey};
-use crate::section::slot::section_bytes;
-use crate::section::{Columns, column_index};
+use crate::section::{Columns, column_index, device_bytes};
 use crate::source::PointBlock;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -152,7 +151,7 @@ impl Bins {
         let (mut host, mut device) = (0, 0);
         for (key, parent) in parents {
             host += parent.bytes() as u64;
-            device += section_bytes(&parent.layout());
+            device += device_bytes(&parent.layout());
             sections.insert(key, Arc::new(Mutex::new(parent)));
         }
         self.host_bytes.store(host, Ordering::Relaxed);
@@ -302,7 +301,7 @@ impl Binner {
             let before = if columns.points() == 0 {
                 [0; 2]
             } else {
-                [columns.bytes() as i64, section_bytes(&columns.layout()) as i64]
+                [columns.bytes() as i64, device_bytes(&columns.layout()) as i64]
             };
             for run in &self.order[self.starts[section] as usize..self.starts[section + 1] as usize] {
                 let of_piece = run.first as usize..run.end as usize;
@@ -312,7 +311,7 @@ impl Binner {
                 });
             }
             grown[0] += columns.bytes() as i64 - before[0];
-            grown[1] += section_bytes(&columns.layout()) as i64 - before[1];
+            grown[1] += device_bytes(&columns.layout()) as i64 - before[1];
         };
         // Sections that another thread holds come last, so that threads seldom wait for each other.
         let mut held = Vec::new();
@@ -579,7 +578,7 @@ mod tests {
         let all = Bins::new(grid(2), EVERYWHERE, PLENTY);
         Binner::default().bin(&all, &Plain, &points);
         let all = all.finish().unwrap();
-        let device_bytes: u64 = all.sections.iter().map(|(_, c)| section_bytes(&c.layout())).sum();
+        let device_bytes: u64 = all.sections.iter().map(|(_, c)| device_bytes(&c.layout())).sum();
 
         let tight = Bins::new(grid(0), EVERYWHERE, Budget { device_bytes, host_bytes: u64::MAX });
         Binner::default().bin(&tight, &Plain, &points);

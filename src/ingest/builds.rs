@@ -8,6 +8,7 @@
 use super::bins::Shared;
 use super::workers::Input;
 use crate::coords::{Bounds, Extent, Grid, SectionKey};
+use crate::section::PayloadKey;
 use crate::source::SourceError;
 use crate::source::known::{Known, RawBounds, Told};
 use glam::DVec3;
@@ -90,7 +91,7 @@ struct Build {
 /// A section that lacks nothing any more.
 pub struct Finished {
     /// Which one.
-    pub key: SectionKey,
+    pub key: PayloadKey,
     /// Its points.
     pub columns: Shared,
     /// Some of its points could not be read.
@@ -109,7 +110,7 @@ pub struct Job {
     /// Its index there.
     pub index: usize,
     /// Who lacks it.
-    pub targets: Vec<(SectionKey, Shared)>,
+    pub targets: Vec<(PayloadKey, Shared)>,
 }
 
 /// What came of a job.
@@ -151,16 +152,16 @@ pub struct Builds {
     grid: Grid,
     sources: Vec<Source>,
     chunks: Vec<Chunk>,
-    builds: HashMap<SectionKey, Build>,
+    builds: HashMap<PayloadKey, Build>,
     /// What is wanted, most urgent first.
-    order: Vec<SectionKey>,
+    order: Vec<PayloadKey>,
     budget_bytes: u64,
     change: u64,
     finished: VecDeque<Finished>,
     /// Bytes of those, and of those that are being packed.
     waiting_bytes: u64,
     /// Finished, on their way to whoever wanted them.
-    out: HashSet<SectionKey>,
+    out: HashSet<PayloadKey>,
     errors: Vec<String>,
     /// What is no error, but not as it should be.
     warnings: Vec<String>,
@@ -323,10 +324,11 @@ impl Builds {
     /// No section that a file touches is being made any more.
     fn drop_touched(&mut self, source: usize) {
         self.change += 1;
-        let touched: Vec<_> = self.builds.keys().copied().filter(|&key| self.touches(source, key)).collect();
+        let touched: Vec<_> =
+            self.builds.keys().copied().filter(|&key| self.touches(source, key.section)).collect();
         touched.into_iter().for_each(|key| self.drop_build(key));
         let out = std::mem::take(&mut self.out);
-        self.out = out.into_iter().filter(|&key| !self.touches(source, key)).collect();
+        self.out = out.into_iter().filter(|&key| !self.touches(source, key.section)).collect();
     }
 
     /// Whether a file may have points in a section.
@@ -358,7 +360,7 @@ impl Builds {
     }
 
     /// What is wanted from now on, most urgent first. What is not wanted any more is kept while there is room.
-    pub fn want(&mut self, order: Vec<SectionKey>) {
+    pub fn want(&mut self, order: Vec<PayloadKey>) {
         self.order = order;
         self.admit();
     }
@@ -367,7 +369,7 @@ impl Builds {
         self.waiting_bytes + self.builds.values().map(|build| build.bytes.max(USUAL_BYTES)).sum::<u64>()
     }
 
-    fn drop_build(&mut self, key: SectionKey) {
+    fn drop_build(&mut self, key: PayloadKey) {
         for chunk in self.builds.remove(&key).iter().flat_map(|build| &build.lacks) {
             self.chunks[chunk as usize].let_go(&mut self.progress.lacking);
         }
@@ -397,11 +399,13 @@ impl Builds {
         }
     }
 
-    fn start(&mut self, key: SectionKey) {
+    fn start(&mut self, key: PayloadKey) {
         let mut lacks = Vec::new();
         let mut damaged = false;
-        for source in (0..self.sources.len()).filter(|&s| self.sources[s].shown && self.reaches(s, key)) {
-            let touching = self.chunks_of(source).filter(|&chunk| self.may_hold(chunk, key));
+        for source in
+            (0..self.sources.len()).filter(|&s| self.sources[s].shown && self.reaches(s, key.section))
+        {
+            let touching = self.chunks_of(source).filter(|&chunk| self.may_hold(chunk, key.section));
             if self.sources[source].lost {
                 damaged |= touching.count() > 0;
                 continue;
@@ -420,7 +424,7 @@ impl Builds {
         self.finish_if_whole(key);
     }
 
-    fn finish_if_whole(&mut self, key: SectionKey) {
+    fn finish_if_whole(&mut self, key: PayloadKey) {
         if self.builds.get(&key).is_some_and(|build| build.lacks.is_empty()) {
             let Build { columns, damaged, bytes, .. } = self.builds.remove(&key).expect("just seen");
             self.order.retain(|other| *other != key);
@@ -447,7 +451,7 @@ impl Builds {
     }
 
     /// A finished section has reached whoever wanted it.
-    pub fn taken(&mut self, key: SectionKey) {
+    pub fn taken(&mut self, key: PayloadKey) {
         self.out.remove(&key);
         // Whoever asked before it arrived has it now; else it is asked for again.
         self.order.retain(|wanted| *wanted != key);
@@ -455,7 +459,7 @@ impl Builds {
 
     /// The chunk that the most urgent section lacks.
     pub fn next_job(&mut self) -> Option<Job> {
-        let free = |key: &SectionKey| {
+        let free = |key: &PayloadKey| {
             let lacks = &self.builds.get(key)?.lacks;
             lacks.into_iter().find(|&chunk| !self.chunks[chunk as usize].busy)
         };
@@ -520,7 +524,7 @@ impl Builds {
             if served {
                 build.bytes = super::bins::lock(&build.columns).bytes() as u64;
             }
-            let outside = cells.is_some_and(|[low, high]| !key.touches(low, high));
+            let outside = cells.is_some_and(|[low, high]| !key.section.touches(low, high));
             let mut ends = RoaringBitmap::new();
             if lost {
                 // Others may be writing: what they read ends by itself.

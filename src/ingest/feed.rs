@@ -10,7 +10,7 @@ use super::builds::{Builds, Finished, Job, Outcome, Progress};
 use super::sparse::{self, Sparse};
 use super::workers::{Input, panicked};
 use crate::coords::{Grid, SectionKey};
-use crate::section::Packed;
+use crate::section::{Payload, PayloadKey, PayloadKind};
 use crate::source::contain::caught;
 use crate::source::known::RawBounds;
 use crate::source::learned::Cache;
@@ -30,15 +30,13 @@ const KEEP_EVERY: Duration = Duration::from_secs(20);
 /// A finished section.
 pub struct Arrival {
     /// Which one.
-    pub key: SectionKey,
-    /// Its words; `None`: it holds no point.
-    pub packed: Option<Packed>,
+    pub key: PayloadKey,
+    /// `None`: it holds no point.
+    pub payload: Option<Payload>,
     /// Some of its points could not be read.
     pub damaged: bool,
     /// Changes to the set of files that it knows of; see [`Builds::change`].
     pub change: u64,
-    /// It is of the sparse sample.
-    pub sparse: bool,
     /// Bytes that it is charged with until it is taken.
     bytes: u64,
 }
@@ -80,9 +78,9 @@ struct State {
 /// What frames tell the threads.
 enum Letter {
     /// See [`Builds::want`].
-    Want(Vec<SectionKey>),
+    Want(Vec<PayloadKey>),
     /// See [`Builds::taken`].
-    Taken(SectionKey),
+    Taken(PayloadKey),
     /// Nothing more is begun, or it goes on.
     Pause(bool),
     /// What is learned of files is kept there, now and then and at the end.
@@ -356,12 +354,12 @@ impl Feed {
     }
 
     /// What is wanted from now on, most urgent first; see [`Builds::want`].
-    pub fn want(&self, order: Vec<SectionKey>) {
+    pub fn want(&self, order: Vec<PayloadKey>) {
         self.tell(Letter::Want(order));
     }
 
     /// A finished section has arrived; see [`Builds::taken`].
-    pub fn taken(&self, key: SectionKey) {
+    pub fn taken(&self, key: PayloadKey) {
         self.tell(Letter::Taken(key));
     }
 
@@ -489,7 +487,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
         let mut packs = Vec::new();
         let mut sampled = None;
         match task {
-            Task::Pack(finished) => packs.push((finished, false)),
+            Task::Pack(finished) => packs.push(finished),
             Task::Chunk(job) => {
                 let outcome = read(inner, &core, &mut tools, &job);
                 let mut state = inner.lock();
@@ -539,8 +537,12 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                         sample.busy -= 1;
                     } else {
                         let change = sample.change;
-                        packs.extend(lock(&sections).drain().map(|(key, columns)| {
-                            (Finished { key, columns, damaged: false, change, bytes: 0 }, true)
+                        packs.extend(lock(&sections).drain().map(|(key, columns)| Finished {
+                            key: PayloadKey::sample(key),
+                            columns,
+                            damaged: false,
+                            change,
+                            bytes: 0,
                         }));
                         sampled = Some(sections);
                     }
@@ -552,8 +554,8 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 look_after(inner);
             }
         }
-        for (finished, sparse) in packs {
-            let arrival = pack(inner, finished, sparse);
+        for finished in packs {
+            let arrival = pack(inner, finished);
             if send.send(arrival).is_err() {
                 return;
             }
@@ -584,17 +586,18 @@ impl Tools {
 }
 
 /// Packs a section, and lets go of its columns.
-fn pack(inner: &Inner, finished: Finished, sparse: bool) -> Arrival {
+fn pack(inner: &Inner, finished: Finished) -> Arrival {
     let Finished { key, columns, mut damaged, change, bytes: column_bytes } = finished;
     // Those of the sample are few, and no part of what is being made.
-    let charged = if sparse { 0 } else { packed_bytes_at_most(column_bytes) };
-    let packed = caught(|| {
+    let is_sample = key.kind == PayloadKind::Sample;
+    let charged = if is_sample { 0 } else { packed_bytes_at_most(column_bytes) };
+    let payload = caught(|| {
         let columns = lock(&columns);
         (columns.points() > 0).then(|| columns.pack())
     });
     drop(columns);
-    let packed = packed.unwrap_or_else(|reason| {
-        let SectionKey { level, i, j } = key;
+    let payload = payload.unwrap_or_else(|reason| {
+        let SectionKey { level, i, j } = key.section;
         let line = format!(
             "section {i}, {j} of level {level}: packing it ended in a fault of the program: {reason}"
         );
@@ -603,14 +606,14 @@ fn pack(inner: &Inner, finished: Finished, sparse: bool) -> Arrival {
         damaged = true;
         None
     });
-    let bytes = packed.as_ref().map_or(0, |packed| 4 * packed.words.len() as u64);
+    let bytes = payload.as_ref().map_or(0, Payload::uploaded_bytes);
     inner.arriving.fetch_add(bytes, Ordering::Relaxed);
     inner.arriving.fetch_sub(charged, Ordering::Relaxed);
-    if !sparse {
+    if !is_sample {
         inner.lock().builds.packed(column_bytes);
         inner.work.notify_all();
     }
-    Arrival { key, packed, damaged, change, sparse, bytes }
+    Arrival { key, payload, damaged, change, bytes }
 }
 
 /// Forgets and keeps, where it is time.
@@ -643,7 +646,8 @@ fn read(inner: &Inner, core: &Core, tools: &mut Tools, job: &Job) -> Outcome {
     let chunk = &file.chunks[job.index];
     let mut levels: HashMap<u8, HashMap<SectionKey, &Shared>> = HashMap::new();
     for (key, columns) in &job.targets {
-        levels.entry(key.level).or_default().insert(SectionKey { level: 0, ..*key }, columns);
+        let key = key.section;
+        levels.entry(key.level).or_default().insert(SectionKey { level: 0, ..key }, columns);
     }
     let levels: Vec<_> =
         levels.into_iter().map(|(level, of_level)| (grid_at(&inner.grid, level), of_level)).collect();

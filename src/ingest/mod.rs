@@ -3,6 +3,7 @@
 pub mod bins;
 pub mod budget;
 pub mod builds;
+pub mod changes;
 pub mod feed;
 pub mod sparse;
 pub mod workers;

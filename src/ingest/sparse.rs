@@ -33,6 +33,20 @@ pub fn points<'a>(files: impl Iterator<Item = &'a LidarFile> + Clone) -> u64 {
     files.map(of_file).sum()
 }
 
+/// Points of the sample that a cell of its sections is to hold, about.
+const POINTS_OF_CELL: u64 = 3;
+/// Levels that its sections are coarser than the coarsest others, at least.
+const LEVELS_ABOVE: u8 = 1;
+/// Its coarsest level: the grid's anchor allows for no more.
+const COARSEST_LEVEL: u8 = 20;
+
+/// Level of the sections of a sample of `points` over `cells` finest cells; `root`: of the coarsest other sections.
+pub fn level(points: u64, cells: f64, root: u8) -> u8 {
+    let of_level = |level: u8| cells * (-2.0 * f64::from(level)).exp2();
+    let enough = |level: &u8| of_level(*level) * POINTS_OF_CELL as f64 <= points as f64;
+    (root + LEVELS_ABOVE..COARSEST_LEVEL).find(enough).unwrap_or(COARSEST_LEVEL)
+}
+
 /// The sample of a file.
 #[derive(Default)]
 pub struct Sparse {

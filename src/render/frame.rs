@@ -3,11 +3,12 @@
 use super::camera::{Camera, CameraError, RayBasis};
 use super::image::Image;
 use crate::attribute::{ColorMode, ColorTable};
-use crate::coords::{Bounds, CELL_LIMIT, Grid, Height, SectionKey, power_of_two_at_most};
+use crate::coords::{Bounds, CELL_LIMIT, Grid, Height, power_of_two_at_most};
 use crate::gpu::{
     Binding, BindingCache, BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, DeviceKind, Gpu,
     GpuError, MemoryKind, Recipe, SyncPoint, Timestamps, shaders,
 };
+use crate::resident::cut::Shown;
 use crate::resident::live::Live;
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
@@ -951,7 +952,7 @@ impl Renderer {
     }
 
     /// Places and the sections that they are to show, as far as those are live: see [`Scene::entries_of`].
-    pub fn table_of(&self, scene: &Scene, shown: &[(SectionKey, SectionKey)]) -> Arc<Table> {
+    pub fn table_of(&self, scene: &Scene, shown: &[Shown]) -> Arc<Table> {
         Arc::new(Table::build(&scene.entries_of(shown.iter().copied()), self.anchor))
     }
 

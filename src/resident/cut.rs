@@ -5,6 +5,7 @@
 //! where its cells cover more than a pixel at its nearest point). It never depends on what is resident.
 
 use crate::coords::{Extent, Grid, SECTION_LOG2, SectionKey};
+use crate::section::PayloadKey;
 use glam::DVec3;
 
 /// Coarsest detail level: the grid's anchor allows for no more.
@@ -90,8 +91,8 @@ pub struct Cut {
     roots: Vec<u32>,
 }
 
-/// A place, and the section that it shows.
-pub type Shown = (SectionKey, SectionKey);
+/// A place, and what it shows: its own columns, or those of a coarser section around it, or of the sparse sample.
+pub type Shown = (SectionKey, PayloadKey);
 
 impl Domain {
     /// Of files that lie so on `grid`.
@@ -201,9 +202,9 @@ impl Cut {
         self.nodes.is_empty()
     }
 
-    /// Each place and the section that it shows now: a member itself where `live` knows it (`Some(false)`: it is known
-    /// to be empty), else the nearest section around it that is.
-    pub fn shown(&self, live: &dyn Fn(SectionKey) -> Option<bool>) -> Vec<Shown> {
+    /// Each place and what it shows now: a member itself where `live` knows it (`Some(false)`: it is known to be empty),
+    /// else the nearest section around it that is, else the sparse sample.
+    pub fn shown(&self, live: &dyn Fn(PayloadKey) -> Option<bool>) -> Vec<Shown> {
         let mut shown = Vec::new();
         for &root in &self.roots {
             match self.find(root, live) {
@@ -217,11 +218,11 @@ impl Cut {
         shown
     }
 
-    fn find(&self, index: u32, live: &dyn Fn(SectionKey) -> Option<bool>) -> Found {
+    fn find(&self, index: u32, live: &dyn Fn(PayloadKey) -> Option<bool>) -> Found {
         let node = &self.nodes[index as usize];
         let Some(children) = &node.children else {
-            return match live(node.key) {
-                Some(true) => Found::Some(vec![(node.key, node.key)]),
+            return match live(node.key.into()) {
+                Some(true) => Found::Some(vec![(node.key, node.key.into())]),
                 Some(false) => Found::Some(Vec::new()),
                 None => Found::Missing,
             };
@@ -246,16 +247,21 @@ impl Cut {
     }
 }
 
-/// The finest section that is there and holds all of `key`.
-fn stand_in(key: SectionKey, live: &dyn Fn(SectionKey) -> Option<bool>) -> Option<SectionKey> {
-    let around = std::iter::successors(Some(key), |key| Some(key.parent()));
-    around.take_while(|key| key.level <= MOST_LEVEL + 8).find(|&key| live(key) == Some(true))
+/// The finest payload that is there and holds all of `key`.
+fn stand_in(key: SectionKey, live: &dyn Fn(PayloadKey) -> Option<bool>) -> Option<PayloadKey> {
+    let around = || {
+        let all = std::iter::successors(Some(key), |key| Some(key.parent()));
+        all.take_while(|key| key.level <= MOST_LEVEL + 8)
+    };
+    let mut all = around().map(PayloadKey::columns).chain(around().map(PayloadKey::sample));
+    all.find(|&key| live(key) == Some(true))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::coords::HEIGHT_STEP;
+    use crate::section::PayloadKind;
     use std::collections::HashSet;
 
     fn grid() -> Grid {
@@ -353,24 +359,36 @@ mod tests {
         let cut = domain().cut(&sight(2000.0, 2000.0, 150.0, 1.0));
         let members: Vec<_> = cut.members().map(|node| node.key).collect();
         let wanted: Vec<_> = cut.wanted().collect();
-        let root = |key: SectionKey| (key.level == 3).then_some(true);
+        let root = |key: PayloadKey| (key.section.level == 3).then_some(true);
         // Nothing but the roots: they are shown, each once.
         let shown = cut.shown(&root);
-        assert!(shown.len() <= 4 && shown.iter().all(|(at, from)| at == from && at.level == 3));
+        assert!(
+            shown.len() <= 4
+                && shown.iter().all(|(at, from)| PayloadKey::columns(*at) == *from && at.level == 3)
+        );
         // One member: it is shown, and the root in all other places, each place once.
         let one = wanted.iter().find(|(key, _)| key.level == 0).unwrap().0;
-        let shown = cut.shown(&|key| if key == one { Some(true) } else { root(key) });
-        assert!(shown.contains(&(one, one)));
-        assert!(shown.iter().all(|(at, from)| *at == one || from.level == 3));
+        let shown = cut.shown(&|key| if key == one.into() { Some(true) } else { root(key) });
+        assert!(shown.contains(&(one, one.into())));
+        assert!(shown.iter().all(|(at, from)| *at == one || from.section.level == 3));
         let covered: i64 = shown.iter().map(|(at, _)| area(*at)).sum();
         let all: i64 = members.iter().map(|&key| area(key)).sum();
         assert_eq!(covered, all);
         // Everything, some of it empty.
         let empty: HashSet<_> = members.iter().copied().step_by(3).collect();
-        let shown = cut.shown(&|key| Some(!empty.contains(&key)));
+        let shown = cut.shown(&|key| Some(!empty.contains(&key.section)));
         assert_eq!(shown.len(), members.len() - empty.len());
-        assert!(shown.iter().all(|(at, from)| at == from));
+        assert!(shown.iter().all(|(at, from)| PayloadKey::columns(*at) == *from));
         assert!(cut.shown(&|_| None).is_empty());
+        // The sparse sample stands in where nothing else does, however fine it is.
+        let sampled = |key: PayloadKey| {
+            let of_sample = key.kind == PayloadKind::Sample && key.section.level == 9;
+            if key == one.into() || of_sample { Some(true) } else { None }
+        };
+        let shown = cut.shown(&sampled);
+        let is_sample = |(_, from): &&Shown| from.kind == PayloadKind::Sample;
+        assert_eq!(shown.iter().filter(is_sample).count(), shown.len() - 1);
+        assert!(shown.contains(&(one, one.into())));
     }
 
     #[test]

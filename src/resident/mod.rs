@@ -1,9 +1,20 @@
 //! Sections on the device: which are wanted, how they get there and go, and the table by which frames find them.
 
 pub mod cut;
+mod demand;
+mod derive;
+mod host_cache;
 pub mod live;
 mod motion;
+mod payloads;
+mod policy;
 pub mod pool;
 pub mod scene;
 pub mod table;
+mod transfer;
 pub mod visibility;
+mod work;
+
+#[cfg(feature = "view")]
+pub use derive::recipes as derived_recipes;
+pub use work::Work;

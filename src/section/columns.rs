@@ -8,7 +8,7 @@ use super::layout::{
     BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_BLOCK, HEADER_WORDS, HeightCode, Layout, MOST_OTHERS,
     SECTION_BLOCKS, column_at, column_index,
 };
-use super::payload::{HighestOf, Packed};
+use super::payload::{HighestOf, Payload};
 use crate::attribute::{Record, unbias};
 use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE};
 use crate::source::FLAG_WITHHELD;
@@ -291,11 +291,11 @@ impl Columns {
     }
 
     /// Packs the section into memory of its own.
-    pub fn pack(&self) -> Packed {
+    pub fn pack(&self) -> Payload {
         let layout = self.layout();
         let mut words = vec![0; layout.words as usize];
         let highest_of = self.pack_into(&mut words);
-        Packed { words, layout, points: self.points, highest_of }
+        Payload { words, layout, points: self.points, highest_of }
     }
 
     /// Packs the section into the front of `words`, which has room for [`Layout::words`]; gives the highest record of

@@ -7,4 +7,4 @@ pub mod slot;
 
 pub use columns::Columns;
 pub use layout::{Derived, HeightCode, Layout, SECTION_BLOCKS, column_at, column_index};
-pub use payload::{HighestOf, Packed};
+pub use payload::{HighestOf, Payload, PayloadKey, PayloadKind, device_bytes};

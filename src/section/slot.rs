@@ -1,6 +1,5 @@
 //! What payloads take of the pool's pages.
 
-use super::layout::Layout;
 use offset_allocator::ext::min_allocator_size;
 
 /// Payloads start at multiples of this, of cache lines above all. The allocator's classes of sizes being what they are, a
@@ -18,9 +17,4 @@ pub fn units(bytes: u64) -> u32 {
 /// Bytes of a page that a payload of `bytes` takes.
 pub fn slot_bytes(bytes: u64) -> u64 {
     u64::from(units(bytes)) * ALIGN
-}
-
-/// What a section takes of a pool: a slot for what is uploaded, one for what is derived.
-pub fn section_bytes(layout: &Layout) -> u64 {
-    slot_bytes(layout.uploaded_bytes()) + slot_bytes(layout.derived_bytes())
 }

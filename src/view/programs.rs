@@ -3,7 +3,7 @@
 
 use crate::gpu::{ComputePipeline, DeviceKind, Gpu, GpuError, Recipe};
 use crate::render::{frame, screen};
-use crate::resident::{pool::Access, scene};
+use crate::resident::{self, pool::Access};
 use crossbeam_channel::{Receiver, unbounded};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -27,7 +27,7 @@ pub struct Programs {
 /// What the first picture needs, what takes longest first; then the rest.
 fn recipes(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
     let ([mut needed, more], [derived, others]) =
-        (frame::recipes(kind, access), scene::recipes(access, bridge));
+        (frame::recipes(kind, access), resident::derived_recipes(access, bridge));
     needed.reverse();
     needed.extend(derived);
     needed.push(screen::recipe());

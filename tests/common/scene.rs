@@ -15,7 +15,7 @@ use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::visibility::Visibility;
 use lasray::sample;
-use lasray::section::Packed;
+use lasray::section::Payload;
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::synth::{Format, Tile, Town, write_tile};
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ pub fn town(folder: &Path, name: &str, corner: [f64; 2], side: f64) -> PathBuf {
 
 /// Files ready to be put on a device.
 pub struct Data {
-    pub sections: Vec<(SectionKey, Packed)>,
+    pub sections: Vec<(SectionKey, Payload)>,
     pub grid: Grid,
     pub bounds: Bounds,
     pub anchor: Height,

@@ -42,14 +42,16 @@ impl Levels {
     fn of_cut(&mut self, grid: &Grid, shown: &[Shown]) -> ColumnMap {
         let mut cells: Vec<([i64; 2], Column)> = Vec::new();
         for (at, from) in shown {
-            let columns = self.level(from.level);
+            let columns = self.level(from.section.level);
             let side = 1i64 << (SECTION_LOG2 + u32::from(at.level));
-            let step = 1i64 << from.level;
+            let step = 1i64 << from.section.level;
             let first = [0, 1].map(|a| grid.anchor[a] + i64::from([at.i, at.j][a]) * side);
             for j in (0..side).step_by(step as usize) {
                 for i in (0..side).step_by(step as usize) {
                     let low = [first[0] + i, first[1] + j];
-                    let Some(&column) = columns.column(low.map(|v| v >> from.level)) else { continue };
+                    let Some(&column) = columns.column(low.map(|v| v >> from.section.level)) else {
+                        continue;
+                    };
                     let fine = |k: i64| [low[0] + k % step, low[1] + k / step];
                     cells.extend((0..step * step).map(|k| (fine(k), column)));
                 }
@@ -112,9 +114,9 @@ fn check(setup: common::Setup, paths: &[PathBuf], cell: f64) -> [usize; 8] {
         let sight = world.sight(camera, 1.0);
         world.complete(&sight);
         // The sparse sample stands in only for what is not seen.
-        let made = |shown: &&Shown| usize::from(shown.1.level) < found.len();
+        let made = |shown: &&Shown| usize::from(shown.1.section.level) < found.len();
         let shown: Vec<_> = world.live.shown().iter().filter(made).copied().collect();
-        shown.iter().for_each(|(_, from)| found[usize::from(from.level)] += 1);
+        shown.iter().for_each(|(_, from)| found[usize::from(from.section.level)] += 1);
         let image = world.picture(camera);
         let basis = camera.basis(SIZE).unwrap();
         let map = levels.of_cut(&world.grid, &shown);

@@ -8,7 +8,7 @@ use lasray::gpu::Order;
 use lasray::resident::pool::Access;
 use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::{Carried, Visibility};
-use lasray::section::{Columns, Derived, Packed, column_at};
+use lasray::section::{Columns, Derived, Payload, column_at};
 use lasray::source::FLAG_WITHHELD;
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_st
 const SIDE: i32 = SECTION_SIDE as i32;
 
 /// Holes of all sizes, chains, withheld points, steep steps; every other section too high for 16 bits.
-fn section(i: i32, j: i32) -> Packed {
+fn section(i: i32, j: i32) -> Payload {
     let mut columns = Columns::default();
     for at in 0..SECTION_SIDE * SECTION_SIDE {
         let (x, y) = (at % SECTION_SIDE, at / SECTION_SIDE);
@@ -66,7 +66,7 @@ fn section(i: i32, j: i32) -> Packed {
 }
 
 /// Every column measured.
-fn full() -> Packed {
+fn full() -> Payload {
     let mut columns = Columns::default();
     for at in 0..SECTION_SIDE * SECTION_SIDE {
         let height = Height(20_000 + (at % 99) as i32);
@@ -80,7 +80,7 @@ fn full() -> Packed {
 /// What a cell shows and its lattice height.
 type Tops = BTreeMap<(i32, i32), (u32, i32)>;
 
-fn tops(key: SectionKey, packed: &Packed, shown: &Visibility, carried: Carried, tops: &mut Tops) {
+fn tops(key: SectionKey, packed: &Payload, shown: &Visibility, carried: Carried, tops: &mut Tops) {
     packed.columns(|column, runs| {
         let top = runs.iter().find(|r| shown.shows(r.class(), r.flags() & FLAG_WITHHELD != 0));
         if let Some(record) = top {
@@ -118,7 +118,7 @@ fn bridge(tops: &Tops, at: IVec2, reach: i32) -> Option<(i32, IVec2)> {
     best.map(|(_, found)| found)
 }
 
-fn check(scene: &mut Scene, sections: &[(SectionKey, Packed)], shown: Visibility, carried: Carried) {
+fn check(scene: &mut Scene, sections: &[(SectionKey, Payload)], shown: Visibility, carried: Carried) {
     let mut all = Tops::new();
     sections.iter().for_each(|(key, packed)| tops(*key, packed, &shown, carried, &mut all));
     let mut bridged = 0;

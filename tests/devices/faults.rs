@@ -12,6 +12,7 @@ use lasray::render::camera::{Camera, Projection};
 use lasray::resident::cut::Sight;
 use lasray::resident::live::Live;
 use lasray::resident::pool::Access;
+use lasray::section::PayloadKey;
 use lasray::source::LidarFile;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -35,7 +36,12 @@ fn rest_is_whole(world: &mut World, paths: &[PathBuf], but: &[Cells]) -> usize {
     let all = all_sections(paths);
     let shown = world.live.shown().to_vec();
     let rest = |key: &SectionKey| !but.iter().any(|[low, high]| key.touches(*low, *high));
-    let rest: Vec<_> = shown.iter().filter(|(at, from)| at == from).map(|(at, _)| *at).filter(rest).collect();
+    let rest: Vec<_> = shown
+        .iter()
+        .filter(|(at, from)| PayloadKey::columns(*at) == *from)
+        .map(|(at, _)| *at)
+        .filter(rest)
+        .collect();
     for key in &rest {
         let is = world.scene.read(*key).unwrap().unwrap().uploaded;
         assert_eq!(Some(&is), all.get(key), "{key:?}");
@@ -116,7 +122,7 @@ fn hiding_one_of_many_files_reads_only_its_neighbours() {
         let hidden = 27;
         let its = cells(&world, &paths[hidden]);
         let touched: Vec<SectionKey> =
-            world.live.wanted().iter().copied().filter(|key| key.touches(its[0], its[1])).collect();
+            world.live.wanted().filter(|key| key.touches(its[0], its[1])).collect();
         let shares = |path: &PathBuf| {
             let [low, high] = cells(&world, path);
             // A cell more, as bounds of the header are taken.

@@ -196,7 +196,7 @@ fn a_small_place_reads_the_chunks_that_touch_it() {
             let sight = world.sight(&camera(&world), 1.0);
             let status = world.complete(&sight);
             assert_eq!(world.live.take_warnings(), [""; 0]);
-            (status, world.live.wanted().iter().copied().collect(), world)
+            (status, world.live.wanted().collect(), world)
         };
         // Over the middle of the first tile.
         let down = |world: &World| {

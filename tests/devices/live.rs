@@ -20,7 +20,7 @@ use lasray::resident::live::{Live, Status};
 use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::visibility::Visibility;
-use lasray::section::Columns;
+use lasray::section::{Columns, PayloadKey};
 use lasray::source::placement::{Placement, PlacementOptions};
 use std::collections::{HashMap, HashSet};
 use std::fs;
@@ -142,15 +142,15 @@ impl World {
     /// What is shown is what all points make of it.
     pub fn check(&mut self, all: &HashMap<SectionKey, Vec<u32>>) {
         let shown = self.live.shown().to_vec();
-        let own = |(at, from): &&Shown| at == from;
+        let own = |(at, from): &&Shown| PayloadKey::columns(*at) == *from;
         for (key, _) in shown.iter().filter(own) {
             let is = self.scene.read(*key).unwrap().unwrap().uploaded;
             assert_eq!(Some(&is), all.get(key), "{key:?}");
         }
         // Others stand in only for what is not seen.
-        let wanted = self.live.wanted();
+        let wanted: Vec<_> = self.live.wanted().collect();
         assert!(shown.iter().filter(own).count() > 0);
-        for (at, from) in shown.iter().filter(|(at, from)| at != from) {
+        for (at, from) in shown.iter().filter(|(at, from)| PayloadKey::columns(*at) != *from) {
             let seen = |key: &&SectionKey| {
                 std::iter::successors(Some(**key), |key| Some(key.parent())).take(8).any(|k| k == *at)
             };
@@ -383,8 +383,8 @@ fn jumps_neither_leak_nor_wait() {
         // What is left when nothing but that is kept.
         let rest = |world: &mut World| {
             world.complete(&above);
-            let wanted: HashSet<SectionKey> = world.live.wanted().iter().copied().collect();
-            let gone: Vec<_> = world.scene.resident().filter(|key| !wanted.contains(key)).collect();
+            let wanted: HashSet<SectionKey> = world.live.wanted().collect();
+            let gone: Vec<_> = world.scene.resident().filter(|key| !wanted.contains(&key.section)).collect();
             world.scene.remove(&gone).unwrap();
             let bytes: u64 = wanted.iter().map(|&key| world.scene.bytes_of(key)).sum();
             (world.scene.resident().count(), bytes, world.scene.pool().held_bytes(), resident_bytes())
@@ -438,12 +438,12 @@ fn what_comes_into_sight_is_read_before() {
         };
         let start = sight(&world, 0.0);
         world.complete(&start);
-        let mut known: HashSet<SectionKey> = world.live.wanted().iter().copied().collect();
+        let mut known: HashSet<SectionKey> = world.live.wanted().collect();
         let (mut new, mut there) = (0, 0);
         for frame in 1..200 {
             let now = sight(&world, f64::from(frame));
             world.live.tick(&mut world.scene, &now, 2 << 20).unwrap();
-            for &key in world.live.wanted() {
+            for key in world.live.wanted() {
                 // The first second tells where it goes.
                 if known.insert(key) && frame > 30 {
                     new += 1;

@@ -29,7 +29,7 @@ use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::resident::scene::{Scene, Upload};
 use lasray::resident::visibility::Visibility;
-use lasray::section::{Columns, Packed};
+use lasray::section::{Columns, Payload};
 use scene::{BRIDGED, Data, MEASURED, hits_that_differ, pixels_that_differ};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -371,7 +371,7 @@ fn what_submits_use_is_given_back_while_a_picture_is_drawn() {
 }
 
 /// A section of many classes, larger than the ring that uploads go through.
-fn large() -> Packed {
+fn large() -> Payload {
     let mut columns = Columns::default();
     for class in 0..28 {
         for at in 0..1 << 16 {

@@ -13,8 +13,7 @@ use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::visibility::Visibility;
-use lasray::section::slot::section_bytes;
-use lasray::section::{Columns, Packed, column_at};
+use lasray::section::{Columns, Payload, column_at, device_bytes};
 use std::collections::BTreeMap;
 
 const SIZE: [u32; 2] = [160, 90];
@@ -78,7 +77,7 @@ impl Story {
     }
 
     /// The section, raised.
-    fn version(&self, raised: i32) -> Packed {
+    fn version(&self, raised: i32) -> Payload {
         let mut columns = Columns::default();
         self.data.sections[0].1.columns(|at, runs| {
             let [x, y] = column_at(at);
@@ -110,7 +109,7 @@ impl Story {
 
     /// Tells it all; what was wrong.
     pub fn run(&self, gpu: &Gpu, access: Access, without: Option<Edge>) -> Vec<String> {
-        let slot = section_bytes(&self.data.sections[0].1.layout);
+        let slot = device_bytes(&self.data.sections[0].1.layout);
         let order = |order: Order| match without {
             Some(edge) => order.without(edge),
             None => order,

@@ -1,0 +1,551 @@
+//! What the device derives from payloads: the passes, what each reads and writes, and what runs again when something has
+//! changed.
+//!
+//! Passes are declared ([`PASSES`]). Those before the first that reads beyond its section follow from that section alone;
+//! the others run again where a neighbour's columns have come, changed or gone, and only in the half blocks that lie within
+//! their reach of it.
+
+use super::pool::{Access, Pool};
+use super::transfer::Queue;
+use super::visibility::{Carried, Visibility};
+use super::work::{Recording, Work};
+use crate::coords::SECTION_SIDE;
+use crate::gpu::{
+    BindingKind, Buffer, ComputePipeline, Gpu, GpuError, MemoryKind, Order, Recipe, SyncPoint, shaders,
+};
+use bytemuck::{Pod, Zeroable};
+use std::collections::{BTreeMap, HashMap, VecDeque};
+
+/// Sections that one submit derives.
+const SUBMIT_SECTIONS: usize = 64;
+/// Bytes of a buffer with what a dispatch of derived passes reads.
+const CONSTANT_BYTES: u64 = 16 << 10;
+const _: () = assert!(SUBMIT_SECTIONS * size_of::<Job>() <= CONSTANT_BYTES as usize);
+/// Such buffers that wait to be used again.
+const MOST_CONSTANTS: usize = 32;
+/// Longest hole that is bridged, cells: a bridge reaches as many columns beyond its section.
+const LONGEST_BRIDGE: u32 = 4;
+
+/// Threads in a workgroup of the passes that take half blocks.
+const GROUP_THREADS: u32 = 64;
+/// Columns of a half block, a thread's: east, north.
+const HALF_BLOCK: [u32; 2] = [8, 4];
+/// Half blocks of a section: east, north.
+const HALF_BLOCKS: [u32; 2] = [SECTION_SIDE / HALF_BLOCK[0], SECTION_SIDE / HALF_BLOCK[1]];
+// A neighbour's border reaches into no more than a row of half blocks.
+const _: () = assert!(LONGEST_BRIDGE <= HALF_BLOCK[0] && LONGEST_BRIDGE <= HALF_BLOCK[1]);
+
+/// What passes read and write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Plane {
+    /// What was uploaded.
+    Runs,
+    /// Which columns hold a visible run.
+    Measured,
+    /// Level 0 of the pyramid, and what columns show.
+    Columns,
+    /// Levels 1 and 2.
+    LowerLevels,
+    /// Levels 3 to 8.
+    UpperLevels,
+}
+
+/// What one thread, or one workgroup, of a pass takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Grain {
+    /// A thread a half block.
+    HalfBlock,
+    /// A workgroup a section.
+    Section,
+}
+
+/// A derived pass, as it is declared.
+struct PassDeclaration {
+    name: &'static str,
+    by_address: &'static [u32],
+    by_buffer: &'static [u32],
+    /// Columns beyond its section that it reads.
+    reach: u32,
+    reads: &'static [Plane],
+    writes: &'static [Plane],
+    grain: Grain,
+}
+
+/// Derived passes, in the order in which they run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+enum Pass {
+    Tops,
+    Bridge,
+    Pyramid,
+}
+
+/// Where nothing is bridged, the first pass writes the lower levels too.
+const PASSES: [PassDeclaration; 3] = [
+    PassDeclaration {
+        name: "tops",
+        by_address: shaders::TOPS,
+        by_buffer: shaders::TOPS_SSBO,
+        reach: 0,
+        reads: &[Plane::Runs],
+        writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels],
+        grain: Grain::HalfBlock,
+    },
+    PassDeclaration {
+        name: "bridge",
+        by_address: shaders::BRIDGE,
+        by_buffer: shaders::BRIDGE_SSBO,
+        reach: LONGEST_BRIDGE,
+        reads: &[Plane::Measured, Plane::Columns],
+        writes: &[Plane::Columns, Plane::LowerLevels],
+        grain: Grain::HalfBlock,
+    },
+    PassDeclaration {
+        name: "pyramid",
+        by_address: shaders::PYRAMID,
+        by_buffer: shaders::PYRAMID_SSBO,
+        reach: 0,
+        reads: &[Plane::LowerLevels],
+        writes: &[Plane::UpperLevels],
+        grain: Grain::Section,
+    },
+];
+
+/// Specialization constants of a pass: wide heights, every run is visible, bridges follow.
+type Variant = [bool; 3];
+
+impl Pass {
+    const ALL: [Pass; 3] = [Pass::Tops, Pass::Bridge, Pass::Pyramid];
+
+    fn declared(self) -> &'static PassDeclaration {
+        &PASSES[self as usize]
+    }
+
+    /// The passes that run with or without bridges: those that follow from a section alone, and those from the first on
+    /// that reads its neighbours.
+    fn phases(bridge: bool) -> [Vec<Pass>; 2] {
+        let runs = |pass: &Pass| bridge || pass.declared().reach == 0;
+        let mut own: Vec<_> = Pass::ALL.into_iter().filter(runs).collect();
+        let first = own.iter().position(|pass| pass.declared().reach > 0).unwrap_or(own.len());
+        let near = own.split_off(first);
+        [own, near]
+    }
+
+    /// Whether it reads or writes what `earlier` writes: then it waits for that.
+    fn follows(self, earlier: Pass) -> bool {
+        let touches =
+            |plane: &Plane| self.declared().reads.contains(plane) || self.declared().writes.contains(plane);
+        earlier.declared().writes.iter().any(touches)
+    }
+
+    fn recipe(self, variant: Variant, access: Access) -> Recipe {
+        let declared = self.declared();
+        let (words, push_bytes, bindings): (_, _, &[_]) = match access {
+            Access::Address | Access::Texels => (declared.by_address, 16, &[]),
+            Access::StorageBuffer => (declared.by_buffer, 0, &[BindingKind::Storage; 3]),
+        };
+        let constants = (0..).zip(variant.map(u32::from)).collect();
+        Recipe { name: declared.name, words, constants, push_bytes, bindings }
+    }
+}
+
+/// Pipelines of the derived passes: those of usual sections, with or without bridges, and all others. Whoever holds them
+/// makes uploads quick.
+#[cfg(feature = "view")]
+pub fn recipes(access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
+    let all = (0..8u8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1)).flat_map(|variant| {
+        let [_, all, bridge] = variant;
+        let passes: &[Pass] = if all || bridge { &[Pass::Tops] } else { &Pass::ALL };
+        passes.iter().map(move |&pass| (pass, variant))
+    });
+    let is_usual = |&(pass, [wide, _, bridged]): &(Pass, Variant)| {
+        !wide && (pass != Pass::Tops || bridged == bridge) && (bridge || pass != Pass::Bridge)
+    };
+    let (usual, others): (Vec<_>, Vec<_>) = all.partition(is_usual);
+    [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.recipe(variant, access)).collect())
+}
+
+/// Of a section and its eight neighbours (row by row from the south-west), those whose columns have come, changed or
+/// gone: a bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Changed(u16);
+
+impl Changed {
+    const OWN: u16 = 1 << 4;
+    /// The section itself.
+    pub const ITSELF: Changed = Changed(Changed::OWN);
+
+    /// The same without the section itself.
+    pub fn of_neighbours(self) -> Changed {
+        Changed(self.0 & !Changed::OWN)
+    }
+
+    /// Whether nothing has.
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// One more.
+    pub fn insert(&mut self, neighbour: usize) {
+        self.0 |= 1 << neighbour;
+    }
+
+    fn has(self, east: i32, north: i32) -> bool {
+        self.0 >> ((north + 1) * 3 + east + 1) & 1 != 0
+    }
+
+    /// The half blocks that follow from them, as rectangles that do not overlap: first half block and how many, each east
+    /// and north.
+    fn areas(self) -> Vec<[[u32; 2]; 2]> {
+        let [width, height] = HALF_BLOCKS;
+        if self.0 & Self::OWN != 0 {
+            return vec![[[0, 0], [width, height]]];
+        }
+        let mut areas = Vec::new();
+        let (west, east) = (self.has(-1, 0), self.has(1, 0));
+        for (is_near, x) in [(west, 0), (east, width - 1)] {
+            if is_near {
+                areas.push([[x, 0], [1, height]]);
+            }
+        }
+        for (north, y) in [(-1, 0), (1, height - 1)] {
+            if self.has(0, north) {
+                let first = u32::from(west);
+                areas.push([[first, y], [width - first - u32::from(east), 1]]);
+                continue;
+            }
+            for (side, is_near, x) in [(-1, west, 0), (1, east, width - 1)] {
+                if self.has(side, north) && !is_near {
+                    areas.push([[x, y], [1, 1]]);
+                }
+            }
+        }
+        areas
+    }
+}
+
+/// A version of a section that is to be derived, or derived again.
+#[derive(Clone, Copy, Debug)]
+pub struct Task {
+    /// Where what was uploaded lies, and where its counts and further runs start, words.
+    pub section: [u32; 4],
+    /// What is derived of it and of its neighbours: place (0: not there), base, 1 for wide codes; its own is the fifth.
+    pub near: [[u32; 4]; 9],
+    /// Height steps a cell beyond which a gap is an edge.
+    pub steepest: u32,
+    /// Codes take 32 bits.
+    pub wide: bool,
+    /// Every run is visible.
+    pub all: bool,
+    /// What has changed.
+    pub changed: Changed,
+}
+
+/// Mirrors `Job` in `shaders/derive.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Job {
+    section: [u32; 4],
+    near: [[u32; 4]; 9],
+    steepest: u32,
+    /// First half block, and how many, east in the lower half of the word and north in the upper.
+    first: u32,
+    area: u32,
+    pad: u32,
+}
+
+impl Task {
+    fn job(&self, [first, area]: [[u32; 2]; 2]) -> Job {
+        let word = |[east, north]: [u32; 2]| east | north << 16;
+        let Task { section, near, steepest, .. } = *self;
+        Job { section, near, steepest, first: word(first), area: word(area), pad: 0 }
+    }
+
+    /// Its jobs in a pass, by the workgroups that each takes.
+    fn jobs(&self, pass: Pass) -> Vec<(u32, Job)> {
+        match pass.declared().grain {
+            Grain::Section => vec![(1, self.job([[0; 2]; 2]))],
+            Grain::HalfBlock => {
+                let of_area = |area: [[u32; 2]; 2]| {
+                    let [_, [width, height]] = area;
+                    ((width * height).div_ceil(GROUP_THREADS), self.job(area))
+                };
+                self.changed.areas().into_iter().map(of_area).collect()
+            }
+        }
+    }
+}
+
+/// Mirrors `Derive` in `shaders/derive.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Parameters {
+    visible: [u32; 8],
+    visible_withheld: [u32; 8],
+    bridge: u32,
+    values: u32,
+}
+
+impl Parameters {
+    fn of(visibility: &Visibility, carried: Carried) -> Parameters {
+        let words = visibility.classes.0;
+        Parameters {
+            visible: words,
+            visible_withheld: if visibility.withheld { words } else { [0; 8] },
+            bridge: visibility.bridge.min(LONGEST_BRIDGE),
+            values: (carried == Carried::Values).into(),
+        }
+    }
+}
+
+/// Runs derived passes.
+pub struct Derive {
+    gpu: Gpu,
+    /// Made when first used.
+    pipelines: HashMap<(Pass, Variant), ComputePipeline>,
+    /// What derived passes of submits read, oldest first, to be used again.
+    constants: VecDeque<(SyncPoint, Buffer)>,
+    /// And those of the submit that is being recorded.
+    recorded: Vec<Buffer>,
+}
+
+/// What one call of [`Derive::run`] has in common.
+struct Run<'a> {
+    pool: &'a Pool,
+    bridge: bool,
+    parameters: Buffer,
+}
+
+impl Derive {
+    /// Nothing is made yet.
+    pub fn new(gpu: &Gpu) -> Derive {
+        Derive {
+            gpu: gpu.clone(),
+            pipelines: HashMap::new(),
+            constants: VecDeque::new(),
+            recorded: Vec::new(),
+        }
+    }
+
+    /// Submits the passes: those that follow from a section alone for `own`, the others for `all`; without bridges there
+    /// are no others. `copied`: ends of the copies that they read. Nothing runs for long: a frame is never far behind.
+    /// Gives how many sections were derived.
+    pub fn run(
+        &mut self,
+        queue: &mut Queue,
+        pool: &Pool,
+        (visibility, carried): (&Visibility, Carried),
+        [own, all]: [&[Task]; 2],
+        copied: &[SyncPoint],
+    ) -> Result<u64, GpuError> {
+        let bridge = visibility.bridge > 0;
+        // Without bridges nothing follows from what neighbours hold.
+        let all = if bridge { all } else { &[] };
+        if own.is_empty() && all.is_empty() {
+            return Ok(0);
+        }
+        let parameters = Parameters::of(visibility, carried);
+        let parameters = self.constant(queue.order, bytemuck::bytes_of(&parameters))?;
+        let run = Run { pool, bridge, parameters };
+        let mut after = copied.to_vec();
+        if pool.access() == Access::StorageBuffer {
+            // Validation takes a bound buffer as touched all over.
+            after.extend(queue.submits.last_copy);
+        }
+        let mut built = None;
+        for (passes, tasks) in Pass::phases(bridge).iter().zip([own, all]) {
+            for tasks in tasks.chunks(SUBMIT_SECTIONS) {
+                let names: Vec<_> = passes.iter().map(|pass| pass.declared().name).collect();
+                let commands = queue.order.begin_build(&names.join(", "), &after)?;
+                let mut recording = queue.submits.start(commands)?;
+                for (k, &pass) in passes.iter().enumerate() {
+                    if passes[..k].iter().any(|&earlier| pass.follows(earlier)) {
+                        queue.order.next_pass(&mut recording.commands);
+                    }
+                    self.record(queue.order, &mut recording, &run, pass, tasks)?;
+                }
+                let point = queue.submits.submit(queue.order, Work::Build, recording)?;
+                self.constants.extend(self.recorded.drain(..).map(|buffer| (point, buffer)));
+                built = Some(point);
+            }
+            if built.is_some() {
+                // What follows on this queue comes after it.
+                after.clear();
+            }
+        }
+        // All of its submits read them.
+        self.constants.extend(built.map(|point| (point, run.parameters)));
+        let too_many = self.constants.len().saturating_sub(MOST_CONSTANTS);
+        self.constants.drain(..too_many);
+        Ok(if bridge { all.len() } else { own.len() } as u64)
+    }
+
+    /// Dispatches one pass, each variant for the sections that want it.
+    fn record(
+        &mut self,
+        order: &mut Order,
+        recording: &mut Recording,
+        run: &Run,
+        pass: Pass,
+        tasks: &[Task],
+    ) -> Result<(), GpuError> {
+        let variant = |task: &Task| match pass {
+            Pass::Tops => [task.wide, task.all, run.bridge],
+            Pass::Bridge | Pass::Pyramid => [task.wide, false, false],
+        };
+        let mut dispatches: BTreeMap<(Variant, u32), Vec<Job>> = BTreeMap::new();
+        for task in tasks {
+            for (groups, job) in task.jobs(pass) {
+                dispatches.entry((variant(task), groups)).or_default().push(job);
+            }
+        }
+        let dispatches = dispatches.iter().flat_map(|((variant, groups), jobs)| {
+            jobs.chunks(SUBMIT_SECTIONS).map(move |jobs| (*variant, *groups, jobs))
+        });
+        for (k, (variant, groups, jobs)) in dispatches.enumerate() {
+            if k > 0 && run.pool.access() == Access::StorageBuffer {
+                // Validation takes a bound buffer as touched all over.
+                order.next_pass(&mut recording.commands);
+            }
+            let groups = match pass.declared().grain {
+                Grain::HalfBlock => [groups, jobs.len() as u32, 1],
+                Grain::Section => [jobs.len() as u32, 1, 1],
+            };
+            let pipeline = self.pipeline(pass, variant, run.pool.access())?;
+            self.dispatch(order, recording, run, &pipeline, jobs, groups)?;
+        }
+        Ok(())
+    }
+
+    fn pipeline(
+        &mut self,
+        pass: Pass,
+        variant: Variant,
+        access: Access,
+    ) -> Result<ComputePipeline, GpuError> {
+        if let Some(known) = self.pipelines.get(&(pass, variant)) {
+            return Ok(known.clone());
+        }
+        let pipeline = pass.recipe(variant, access).make(&self.gpu)?;
+        self.pipelines.insert((pass, variant), pipeline.clone());
+        Ok(pipeline)
+    }
+
+    fn dispatch(
+        &mut self,
+        order: &mut Order,
+        recording: &mut Recording,
+        run: &Run,
+        pipeline: &ComputePipeline,
+        jobs: &[Job],
+        groups: [u32; 3],
+    ) -> Result<(), GpuError> {
+        let jobs = self.constant(order, bytemuck::cast_slice(jobs))?;
+        self.recorded.push(jobs.clone());
+        let commands = &mut recording.commands;
+        commands.bind(pipeline);
+        match run.pool.access() {
+            Access::Address | Access::Texels => {
+                commands.push(bytemuck::cast_slice(&[jobs.address(), run.parameters.address()]));
+                run.pool.buffers().for_each(|b| commands.keep(b.clone()));
+                commands.keep(jobs);
+                commands.keep(run.parameters.clone());
+            }
+            Access::StorageBuffer => {
+                let page = run.pool.buffers().next().expect("a section is resident");
+                commands.bind_buffers(&pipeline.binding(&[page, &jobs, &run.parameters])?);
+            }
+        }
+        commands.dispatch(groups);
+        Ok(())
+    }
+
+    /// A buffer that begins with `bytes`, of which there are no more than [`CONSTANT_BYTES`]: one that earlier passes are
+    /// known to be done with, if there is one.
+    fn constant(&mut self, order: &mut Order, bytes: &[u8]) -> Result<Buffer, GpuError> {
+        let is_free = match self.constants.front() {
+            Some((point, _)) => order.is_known_done(*point),
+            None => false,
+        };
+        let free = if is_free { self.constants.pop_front() } else { None };
+        let buffer = match free {
+            Some((_, buffer)) => buffer,
+            None => Buffer::new(&self.gpu, "what derived passes read", MemoryKind::Upload, CONSTANT_BYTES)?,
+        };
+        buffer.write(0, bytes);
+        Ok(buffer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::layout::{assert_in, members};
+
+    #[test]
+    fn shaders_see_jobs_and_parameters_as_they_are_written() {
+        let first = [("tops", shaders::TOPS), ("tops, POOL_SSBO", shaders::TOPS_SSBO)];
+        let second = [("bridge", shaders::BRIDGE), ("bridge, POOL_SSBO", shaders::BRIDGE_SSBO)];
+        let third = [("pyramid", shaders::PYRAMID), ("pyramid, POOL_SSBO", shaders::PYRAMID_SSBO)];
+        let parameters = members!(Parameters { visible, visible_withheld, bridge, values });
+        for pass in [&first, &second, &third] {
+            assert_in(pass, &members!(Job { section, near, steepest, first, area, pad }));
+        }
+        // The pyramid follows from what the mask has left.
+        assert_in(&first, &parameters);
+        assert_in(&second, &parameters);
+    }
+
+    #[test]
+    fn passes_run_in_an_order_in_which_each_finds_what_it_reads() {
+        for bridge in [false, true] {
+            let [own, near] = Pass::phases(bridge);
+            assert!(own.iter().all(|pass| pass.declared().reach == 0));
+            let all: Vec<_> = own.into_iter().chain(near).collect();
+            for (k, pass) in all.iter().enumerate() {
+                let is_written = |plane: &Plane| {
+                    *plane == Plane::Runs || all[..k].iter().any(|p| p.declared().writes.contains(plane))
+                };
+                assert!(pass.declared().reads.iter().all(is_written), "{pass:?}");
+                assert!(k == 0 || pass.follows(all[k - 1]), "{pass:?}");
+            }
+            assert_eq!(all.contains(&Pass::Bridge), bridge);
+        }
+    }
+
+    /// Half blocks within the reach of what has changed, one by one.
+    #[test]
+    fn areas_are_what_lies_within_reach_of_what_has_changed() {
+        let side = SECTION_SIDE as i32;
+        for bits in 0..1u16 << 9 {
+            let mut times = HashMap::new();
+            for [first, size] in Changed(bits).areas() {
+                for y in first[1]..first[1] + size[1] {
+                    for x in first[0]..first[0] + size[0] {
+                        *times.entry([x, y]).or_insert(0) += 1;
+                    }
+                }
+            }
+            for y in 0..HALF_BLOCKS[1] {
+                for x in 0..HALF_BLOCKS[0] {
+                    let reach = LONGEST_BRIDGE as i32;
+                    let low = [(x * HALF_BLOCK[0]) as i32 - reach, (y * HALF_BLOCK[1]) as i32 - reach];
+                    let high = [
+                        ((x + 1) * HALF_BLOCK[0]) as i32 - 1 + reach,
+                        ((y + 1) * HALF_BLOCK[1]) as i32 - 1 + reach,
+                    ];
+                    // Sections that these columns lie in.
+                    let sections =
+                        [0, 1].map(|axis| low[axis].div_euclid(side)..=high[axis].div_euclid(side));
+                    let follows = sections[1]
+                        .clone()
+                        .any(|north| sections[0].clone().any(|east| Changed(bits).has(east, north)));
+                    assert_eq!(
+                        times.get(&[x, y]).copied().unwrap_or(0),
+                        i32::from(follows),
+                        "{bits:b} {x} {y}"
+                    );
+                }
+            }
+        }
+    }
+}
