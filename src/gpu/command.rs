@@ -1,13 +1,20 @@
-//! Recording: copies, dispatches, and what they keep alive.
+//! Recording: copies, dispatches, drawing, and what they keep alive.
 
 use std::any::Any;
+use std::mem;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use ash::vk;
 
-use super::device::lock;
-use super::order::Stage;
-use super::timeline::Wait;
-use super::{Binding, Buffer, ComputePipeline, Gpu, GpuError, QueueKind, Result};
+#[cfg(feature = "view")]
+use super::acquired::Acquired;
+use super::device::Gpu;
+use super::error::{GpuError, Result};
+use super::kinds::QueueKind;
+use super::lock::lock;
+use super::memory::Buffer;
+use super::pipeline::{Binding, ComputePipeline};
+use super::sync::{Stage, Wait};
 
 /// One range of a copy, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +28,7 @@ pub struct BufferCopy {
 }
 
 /// A command buffer with the pool that it alone uses, so that resetting one never touches another.
-pub(super) struct RawCommands {
+struct RawCommands {
     pool: vk::CommandPool,
     buffer: vk::CommandBuffer,
 }
@@ -52,9 +59,35 @@ impl RawCommands {
 
     /// # Safety
     /// The device must be done with the command buffer, and it is not used afterwards.
-    pub unsafe fn destroy(&self, device: &ash::Device) {
+    unsafe fn destroy(&self, device: &ash::Device) {
         // SAFETY: the caller's promise.
         unsafe { device.destroy_command_pool(self.pool, None) };
+    }
+}
+
+/// Command buffers whose work is done, by queue, to be recorded again. Those in use hold a handle of it.
+pub(super) struct IdleCommands {
+    gpu: Gpu,
+    idle: Mutex<[Vec<RawCommands>; 2]>,
+}
+
+impl IdleCommands {
+    pub fn new(gpu: &Gpu) -> Arc<IdleCommands> {
+        Arc::new(IdleCommands { gpu: gpu.clone(), idle: Mutex::default() })
+    }
+
+    fn take(&self, queue: QueueKind) -> Result<RawCommands> {
+        let idle = lock(&self.idle)[queue as usize].pop();
+        idle.map_or_else(|| RawCommands::new(&self.gpu, queue), Ok)
+    }
+}
+
+impl Drop for IdleCommands {
+    fn drop(&mut self) {
+        for raw in mem::take(self.idle.get_mut().unwrap_or_else(PoisonError::into_inner)).iter().flatten() {
+            // SAFETY: what lies here was never submitted or is done, and was reset; this is the last handle.
+            unsafe { raw.destroy(self.gpu.device()) };
+        }
     }
 }
 
@@ -63,7 +96,7 @@ impl RawCommands {
 /// It holds a handle of every buffer, pipeline and binding given to it until the work is done. What
 /// shaders reach by address alone is given by [`Commands::keep`].
 pub struct Commands {
-    gpu: Gpu,
+    idle: Arc<IdleCommands>,
     name: String,
     queue: QueueKind,
     pub(super) stage: Stage,
@@ -71,6 +104,7 @@ pub struct Commands {
     pub(super) waits: Vec<Wait>,
     /// For a frame that is shown: the image is free, and it is drawn.
     pub(super) shown: Option<[vk::Semaphore; 2]>,
+    /// Taken by Drop alone.
     raw: Option<RawCommands>,
     kept: Vec<Box<dyn Any + Send>>,
     layout: vk::PipelineLayout,
@@ -78,24 +112,25 @@ pub struct Commands {
 }
 
 impl Commands {
-    pub(super) fn begin(gpu: &Gpu, queue: QueueKind, stage: Stage, name: &str) -> Result<Commands> {
-        let idle = lock(&gpu.0.idle_commands)[queue as usize].pop();
-        let raw = match idle {
-            Some(raw) => raw,
-            None => RawCommands::new(gpu, queue)?,
-        };
+    pub(super) fn begin(
+        idle: &Arc<IdleCommands>,
+        queue: QueueKind,
+        stage: Stage,
+        name: &str,
+    ) -> Result<Commands> {
         let commands = Commands {
-            gpu: gpu.clone(),
+            idle: idle.clone(),
             name: name.to_owned(),
             queue,
             stage,
             waits: Vec::new(),
             shown: None,
-            raw: Some(raw),
+            raw: Some(idle.take(queue)?),
             kept: Vec::new(),
             layout: vk::PipelineLayout::null(),
             push_bytes: 0,
         };
+        let gpu = &idle.gpu;
         gpu.name_object(commands.handle(), name);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the command buffer is fresh or its pool was reset when its last work was done.
@@ -133,7 +168,7 @@ impl Commands {
         self.keep(from.clone());
         self.keep(to.clone());
         // SAFETY: the command buffer is being recorded; both buffers are kept until it is done.
-        unsafe { self.gpu.device().cmd_copy_buffer(self.handle(), from.handle(), to.handle(), &regions) };
+        unsafe { self.gpu().device().cmd_copy_buffer(self.handle(), from.handle(), to.handle(), &regions) };
     }
 
     /// Chooses the program for the dispatches that follow.
@@ -142,7 +177,7 @@ impl Commands {
         (self.layout, self.push_bytes) = (pipeline.layout(), pipeline.push_bytes());
         let point = vk::PipelineBindPoint::COMPUTE;
         // SAFETY: the command buffer is being recorded; the pipeline is kept until it is done.
-        unsafe { self.gpu.device().cmd_bind_pipeline(self.handle(), point, pipeline.handle()) };
+        unsafe { self.gpu().device().cmd_bind_pipeline(self.handle(), point, pipeline.handle()) };
     }
 
     /// Gives the bound program its storage buffers.
@@ -151,7 +186,7 @@ impl Commands {
         // SAFETY: the command buffer is being recorded; the set is kept until it is done, was made for
         // a pipeline of the same layout, and is never written again.
         unsafe {
-            self.gpu.device().cmd_bind_descriptor_sets(
+            self.gpu().device().cmd_bind_descriptor_sets(
                 self.handle(),
                 vk::PipelineBindPoint::COMPUTE,
                 self.layout,
@@ -171,14 +206,52 @@ impl Commands {
         let stage = vk::ShaderStageFlags::COMPUTE;
         // SAFETY: the command buffer is being recorded; the layout is that of the bound pipeline, which
         // is kept; the size was checked against it.
-        unsafe { self.gpu.device().cmd_push_constants(self.handle(), self.layout, stage, 0, bytes) };
+        unsafe { self.gpu().device().cmd_push_constants(self.handle(), self.layout, stage, 0, bytes) };
     }
 
     /// Runs the bound program on `groups` workgroups.
     pub fn dispatch(&mut self, groups: [u32; 3]) {
         let [x, y, z] = groups;
         // SAFETY: the command buffer is being recorded, and what the program reaches is kept.
-        unsafe { self.gpu.device().cmd_dispatch(self.handle(), x, y, z) };
+        unsafe { self.gpu().device().cmd_dispatch(self.handle(), x, y, z) };
+    }
+
+    /// Runs `paint` between the start and the end of drawing on `image`, all of which is `backdrop` before.
+    #[cfg(feature = "view")]
+    pub(super) fn rendering<R>(
+        &mut self,
+        image: &Acquired,
+        backdrop: [f32; 4],
+        paint: impl FnOnce(&mut Commands) -> R,
+    ) -> R {
+        let [width, height] = image.size;
+        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let clear = vk::ClearValue { color: vk::ClearColorValue { float32: backdrop } };
+        let attachments = [vk::RenderingAttachmentInfo::default()
+            .image_view(image.view)
+            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
+            .load_op(vk::AttachmentLoadOp::CLEAR)
+            .store_op(vk::AttachmentStoreOp::STORE)
+            .clear_value(clear)];
+        let rendering =
+            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&attachments);
+        let viewport = vk::Viewport {
+            width: width as f32,
+            height: height as f32,
+            max_depth: 1.0,
+            ..vk::Viewport::default()
+        };
+        let (device, buffer) = (self.gpu().device().clone(), self.handle());
+        // SAFETY: the command buffer is being recorded; the image is the swapchain's, which waits for the device
+        // before it goes.
+        unsafe {
+            device.cmd_begin_rendering(buffer, &rendering);
+            device.cmd_set_viewport(buffer, 0, &[viewport]);
+        }
+        let painted = paint(self);
+        // SAFETY: begun above.
+        unsafe { device.cmd_end_rendering(buffer) };
+        painted
     }
 
     pub(super) fn barrier(&mut self, barrier: vk::MemoryBarrier2<'_>) {
@@ -194,20 +267,20 @@ impl Commands {
             vk::DependencyInfo::default().memory_barriers(barriers).image_memory_barriers(images);
         // SAFETY: the command buffer is being recorded; a global barrier names no object, and images are a
         // swapchain's, which waits for the device before it goes.
-        unsafe { self.gpu.device().cmd_pipeline_barrier2(self.handle(), &dependency) };
+        unsafe { self.gpu().device().cmd_pipeline_barrier2(self.handle(), &dependency) };
     }
 
     pub(super) fn timestamp(&mut self, pool: vk::QueryPool, query: u32) {
         // SAFETY: the command buffer is being recorded; the caller keeps `pool` and has reset `query`.
         unsafe {
             let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
-            self.gpu.device().cmd_write_timestamp2(self.handle(), stage, pool, query);
+            self.gpu().device().cmd_write_timestamp2(self.handle(), stage, pool, query);
         }
     }
 
     pub(super) fn end(&mut self) -> Result<vk::CommandBuffer> {
         // SAFETY: the command buffer is being recorded.
-        unsafe { self.gpu.device().end_command_buffer(self.handle()) }
+        unsafe { self.gpu().device().end_command_buffer(self.handle()) }
             .map_err(|e| GpuError::vulkan(format!("vkEndCommandBuffer of {}", self.name), e))?;
         Ok(self.handle())
     }
@@ -217,9 +290,8 @@ impl Commands {
         self.queue
     }
 
-    #[cfg(feature = "view")]
     pub(super) fn gpu(&self) -> &Gpu {
-        &self.gpu
+        &self.idle.gpu
     }
 
     pub(super) fn handle(&self) -> vk::CommandBuffer {
@@ -233,11 +305,11 @@ impl Drop for Commands {
         let Some(raw) = self.raw.take() else { return };
         // SAFETY: see above; resetting the pool ends recording too.
         let reset =
-            unsafe { self.gpu.device().reset_command_pool(raw.pool, vk::CommandPoolResetFlags::empty()) };
+            unsafe { self.gpu().device().reset_command_pool(raw.pool, vk::CommandPoolResetFlags::empty()) };
         match reset {
-            Ok(()) => lock(&self.gpu.0.idle_commands)[self.queue as usize].push(raw),
+            Ok(()) => lock(&self.idle.idle)[self.queue as usize].push(raw),
             // SAFETY: as above.
-            Err(_) => unsafe { raw.destroy(self.gpu.device()) },
+            Err(_) => unsafe { raw.destroy(self.gpu().device()) },
         }
     }
 }

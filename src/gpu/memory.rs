@@ -9,32 +9,13 @@ use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 
-use super::device::lock;
-use super::{Gpu, GpuError, Result};
+use super::device::Gpu;
+use super::error::{GpuError, Result};
+use super::kinds::MemoryKind;
+use super::lock::lock;
 
 /// A buffer of this size or more gets an allocation of its own.
 const DEDICATED_BYTES: u64 = 8 << 20;
-
-/// Where a buffer lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MemoryKind {
-    /// The device's own memory; the host cannot reach it.
-    Device,
-    /// Written by the host, read by the device (write-combined where the driver has that).
-    Upload,
-    /// Written by the device, read by the host (cached).
-    Readback,
-}
-
-impl fmt::Display for MemoryKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            MemoryKind::Device => "device",
-            MemoryKind::Upload => "upload",
-            MemoryKind::Readback => "readback",
-        })
-    }
-}
 
 /// A storage buffer with a device address, shared by both queues. A clone is another handle to the
 /// same memory; [`super::Commands`] hold one of each buffer they were given until they are done.

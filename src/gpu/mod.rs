@@ -1,145 +1,63 @@
 //! The only unsafe code: device, memory, timelines, pipelines, and the order between queues.
 //!
-//! One thread records and submits; programs are made on any. [`Gpu`] is the device, [`Buffer`] memory, [`ComputePipeline`] a
-//! program, [`Commands`] work being recorded; [`Order`] alone begins and submits work, because it owns
-//! every wait and barrier.
+//! One thread records and submits; pipelines are compiled on any. [`Gpu`] is the device, [`Buffer`] memory,
+//! [`ComputePipeline`] a compiled shader, [`Commands`] work being recorded; [`Order`] alone begins and submits work,
+//! because it owns every wait and barrier. Imports run downward only:
+//!
+//! | | |
+//! |---|---|
+//! | drawing in a window | `overlay`, `swapchain` |
+//! | helpers of those who record | `ring`, `timestamps` |
+//! | the order between queues | `order` |
+//! | work, and when it is done | `command`, `timeline` |
+//! | what work uses | `pipeline`, `memory` |
+//! | the device | `device`, `pipeline_cache`, `surface`, `physical`, `instance` |
+//! | plain values | `acquired`, `sync`, `error`, `kinds`, `lock`, `shaders` |
 #![allow(unsafe_code)]
 
+#[cfg(feature = "view")]
+mod acquired;
 mod command;
 mod device;
-mod kept;
+mod error;
+mod instance;
+mod kinds;
 #[cfg(test)]
 pub(crate) mod layout;
+mod lock;
 mod memory;
 mod order;
 #[cfg(feature = "view")]
 mod overlay;
+mod physical;
 mod pipeline;
+mod pipeline_cache;
 mod ring;
+pub mod shaders;
+#[cfg(feature = "view")]
+mod surface;
 #[cfg(feature = "view")]
 mod swapchain;
+mod sync;
 mod timeline;
 mod timestamps;
 
+#[cfg(feature = "view")]
+pub use acquired::Acquired;
 pub use command::{BufferCopy, Commands};
-pub use device::{DeviceInfo, DeviceKind, Gpu, GpuOptions, QueueKind, list_devices};
-pub use memory::{Buffer, MemoryKind, stream_words};
+pub use device::{Gpu, GpuOptions};
+pub use error::{GpuError, Result};
+pub use kinds::{BindingKind, MemoryKind, QueueKind};
+pub use memory::{Buffer, stream_words};
 pub use order::{Edge, Event, Order};
 #[cfg(feature = "view")]
 pub use overlay::{Overlay, Picture};
-pub use pipeline::{Binding, BindingCache, BindingKind, ComputePipeline, Executable, Recipe};
+pub use physical::{DeviceInfo, DeviceKind, Limits, list_devices};
+pub use pipeline::{Binding, BindingCache, ComputePipeline, Executable, Recipe};
 pub use ring::UploadRing;
 #[cfg(feature = "view")]
-pub use swapchain::{Acquired, Swapchain, Window};
-pub use timeline::SyncPoint;
+pub use surface::Window;
+#[cfg(feature = "view")]
+pub use swapchain::Swapchain;
+pub use sync::SyncPoint;
 pub use timestamps::Timestamps;
-
-/// The compiled shaders, one per `shaders/NAME.comp`: SPIR-V words.
-pub mod shaders {
-    include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
-}
-
-use std::time::Duration;
-
-/// What can go wrong between here and the driver.
-#[derive(Debug, thiserror::Error)]
-pub enum GpuError {
-    /// The Vulkan loader library is not there.
-    #[error("no Vulkan loader ({reason}): {}", INSTALL_HINT)]
-    NoLoader {
-        /// What the system said.
-        reason: String,
-    },
-    /// The loader found no driver, or a driver no device.
-    #[error("no Vulkan device: {}", INSTALL_HINT)]
-    NoDevice,
-    /// No device has all that is needed.
-    #[error("no Vulkan device can be used:\n{listing}")]
-    NoUsableDevice {
-        /// One line a device: what it lacks.
-        listing: String,
-    },
-    /// `--device N` names none.
-    #[error("there is no device {index}; the devices are:\n{listing}")]
-    NoSuchDevice {
-        /// What was asked for.
-        index: usize,
-        /// One line a device.
-        listing: String,
-    },
-    /// The chosen device lacks something.
-    #[error("device {index} ({name}) lacks {missing}")]
-    Unsuitable {
-        /// Index as listed.
-        index: usize,
-        /// The driver's name for it.
-        name: String,
-        /// What it lacks.
-        missing: String,
-    },
-    /// A layer was asked for that is not installed.
-    #[error("the Vulkan layer {name} is not installed{hint}")]
-    NoLayer {
-        /// Layer name.
-        name: String,
-        /// What to install.
-        hint: &'static str,
-    },
-    /// Pictures cannot be shown in the window.
-    #[error("no window: {reason}")]
-    NoWindow {
-        /// Why.
-        reason: String,
-    },
-    /// A Vulkan call failed.
-    #[error("{what}: {result}")]
-    Vulkan {
-        /// The call or object.
-        what: String,
-        /// What the driver answered.
-        result: ash::vk::Result,
-    },
-    /// Memory ran out.
-    #[error("no {bytes} bytes of {kind} memory for {name}: {reason}")]
-    Memory {
-        /// The buffer's name.
-        name: String,
-        /// Kind of memory.
-        kind: MemoryKind,
-        /// What was asked for.
-        bytes: u64,
-        /// What the allocator said.
-        reason: String,
-    },
-    /// The driver gave up on the device.
-    #[error("the device was lost ({what}); a driver reset or a crash in the driver does this")]
-    DeviceLost {
-        /// The call that noticed.
-        what: String,
-    },
-    /// The device did not finish in time.
-    #[error("{what} was not done after {after:?}")]
-    Timeout {
-        /// What was waited for.
-        what: String,
-        /// How long.
-        after: Duration,
-    },
-}
-
-const INSTALL_HINT: &str = "install a driver for your GPU, or a software one \
-    (Debian, Ubuntu: `apt install libvulkan1 mesa-vulkan-drivers`; \
-    Fedora: `dnf install vulkan-loader mesa-vulkan-drivers`; macOS: `brew install molten-vk vulkan-loader`)";
-
-impl GpuError {
-    fn vulkan(what: impl Into<String>, result: ash::vk::Result) -> GpuError {
-        let what = what.into();
-        match result {
-            ash::vk::Result::ERROR_DEVICE_LOST => GpuError::DeviceLost { what },
-            result => GpuError::Vulkan { what, result },
-        }
-    }
-}
-
-/// Shorthand of this layer.
-pub type Result<T> = std::result::Result<T, GpuError>;

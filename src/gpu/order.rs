@@ -18,13 +18,23 @@
 //! the tests take them out one by one. Where both kinds of work share one queue, waits are barriers.
 
 use std::any::Any;
+use std::sync::Arc;
 use std::time::Duration;
 
 use ash::vk::{AccessFlags2 as Access, PipelineStageFlags2 as Stages};
 use ash::{vk, vk::MemoryBarrier2};
 
-use super::timeline::{Timeline, Wait};
-use super::{Buffer, BufferCopy, Commands, Gpu, QueueKind, Result, SyncPoint};
+#[cfg(feature = "view")]
+use super::acquired::Acquired;
+use super::command::{BufferCopy, Commands, IdleCommands};
+use super::device::Gpu;
+#[cfg(feature = "view")]
+use super::error::GpuError;
+use super::error::Result;
+use super::kinds::QueueKind;
+use super::memory::Buffer;
+use super::sync::{Stage, SyncPoint, Wait};
+use super::timeline::Timeline;
 
 /// Longer than any honest work: a device that takes longer has stopped.
 const HANG: Duration = Duration::from_secs(120);
@@ -76,14 +86,6 @@ impl Edge {
     ];
 }
 
-/// What a piece of work is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stage {
-    Copy,
-    Build,
-    Frame,
-}
-
 /// What [`Order`] did, for the tests that prove it right.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug)]
@@ -101,6 +103,7 @@ pub enum Event {
 /// Begins and submits all work, and so owns every wait and barrier. One per device.
 pub struct Order {
     gpu: Gpu,
+    idle: Arc<IdleCommands>,
     /// Compute, then transfer unless it is the same queue.
     timelines: Vec<Timeline>,
     /// Highest value of the other queue that a submit to this one has waited for: a wait counts for
@@ -129,6 +132,7 @@ impl Order {
         }
         Ok(Order {
             gpu: gpu.clone(),
+            idle: IdleCommands::new(gpu),
             timelines,
             waited: [0; 2],
             frames: vec![None; frames_in_flight.max(1)],
@@ -161,7 +165,7 @@ impl Order {
     /// Begins copies into slots. `last_use` is the last work of any kind that touched a slot now
     /// written again: the latest frame that could name it, or its build or copy if none could.
     pub fn begin_copy(&mut self, name: &str, last_use: &[SyncPoint]) -> Result<Commands> {
-        let mut commands = Commands::begin(&self.gpu, self.queue(QueueKind::Transfer), Stage::Copy, name)?;
+        let mut commands = Commands::begin(&self.idle, self.queue(QueueKind::Transfer), Stage::Copy, name)?;
         // A transfer queue knows no compute stage.
         let earlier = if self.timelines.len() == 1 { COMPUTE | COPY } else { COPY };
         let written =
@@ -178,7 +182,7 @@ impl Order {
 
     /// Begins derived passes that read what `copied` wrote, and what earlier builds wrote.
     pub fn begin_build(&mut self, name: &str, copied: &[SyncPoint]) -> Result<Commands> {
-        let mut commands = Commands::begin(&self.gpu, QueueKind::Compute, Stage::Build, name)?;
+        let mut commands = Commands::begin(&self.idle, QueueKind::Compute, Stage::Build, name)?;
         let (src, dst) = ((COPY, Access::TRANSFER_WRITE), (COMPUTE, STORAGE));
         self.after(&mut commands, Edge::BuildAfterCopy, copied, src, dst);
         self.barrier(&mut commands, Edge::BuildAfterEarlier, (COMPUTE, STORAGE_WRITE), (COMPUTE, STORAGE));
@@ -193,7 +197,7 @@ impl Order {
         if let Some(point) = self.frames[slot] {
             self.host_wait(Edge::TableReuse, point)?;
         }
-        let mut commands = Commands::begin(&self.gpu, QueueKind::Compute, Stage::Frame, name)?;
+        let mut commands = Commands::begin(&self.idle, QueueKind::Compute, Stage::Frame, name)?;
         self.barrier(&mut commands, Edge::FrameAfterEarlier, (COMPUTE, STORAGE_WRITE), (COMPUTE, STORAGE));
         // An earlier readback may have written where this frame's will write, too.
         let (src, dst) = ((COPY, Access::TRANSFER_WRITE), (COMPUTE | COPY, Access::TRANSFER_WRITE));
@@ -206,7 +210,7 @@ impl Order {
     pub fn has_free_frame(&mut self, patience: Duration) -> Result<bool> {
         let Some(point) = self.frames[self.frame % self.frames.len()] else { return Ok(true) };
         match self.wait_for(point, patience) {
-            Err(super::GpuError::Timeout { .. }) => Ok(false),
+            Err(GpuError::Timeout { .. }) => Ok(false),
             done => done.map(|()| true),
         }
     }
@@ -235,13 +239,14 @@ impl Order {
         self.barrier(commands, Edge::HostAfterReadback, src, (HOST, Access::HOST_READ));
     }
 
-    /// Ends a frame by drawing onto an image of the window what its passes, or those of earlier frames, wrote.
+    /// Ends a frame by drawing onto an image of the window what its passes, or those of earlier frames, wrote: `paint`
+    /// renders it.
     /// The submit waits until the image is free; [`super::Swapchain::present`] comes after it.
     #[cfg(feature = "view")]
     pub fn draw<R>(
         &mut self,
         commands: &mut Commands,
-        image: &super::Acquired,
+        image: &Acquired,
         paint: impl FnOnce(&mut Commands) -> R,
     ) -> R {
         assert_eq!(commands.stage, Stage::Frame, "{}: only frames are shown", commands.name());
@@ -265,7 +270,7 @@ impl Order {
             .new_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL);
         commands.barriers(&[written], &[free]);
         commands.shown = Some([image.free, image.drawn]);
-        let painted = commands.rendering(image, paint);
+        let painted = paint(commands);
         let shown = of_image
             .src_stage_mask(output)
             .src_access_mask(Access::COLOR_ATTACHMENT_WRITE)
@@ -279,7 +284,7 @@ impl Order {
     }
 
     /// Submits; the commands and what they keep are dropped by [`Order::collect`] once they are done.
-    pub fn submit(&mut self, commands: Commands) -> Result<SyncPoint> {
+    pub fn submit(&mut self, mut commands: Commands) -> Result<SyncPoint> {
         let queue = commands.queue();
         let stage = commands.stage;
         let mut waits: Vec<_> = commands
@@ -296,7 +301,13 @@ impl Order {
             vk::SemaphoreSubmitInfo::default().semaphore(free).stage_mask(Stages::COLOR_ATTACHMENT_OUTPUT)
         }));
         let waited = commands.waits.iter().map(|wait| wait.point.value).max().unwrap_or(0);
-        let point = self.timelines[queue as usize].submit(commands, &waits)?;
+        let buffer = commands.end()?;
+        let drawn = commands.shown.map(|[_, drawn]| drawn);
+        let timeline = &mut self.timelines[queue as usize];
+        // SAFETY: the commands were recorded for this queue and have ended; the waited values were submitted before
+        // (a `SyncPoint` proves it); the commands, which keep what they use, are retired at the point.
+        let point = unsafe { timeline.submit(commands.name(), buffer, &waits, drawn) }?;
+        timeline.retire(point.value, Box::new(commands));
         self.waited[queue as usize] = self.waited[queue as usize].max(waited);
         if stage == Stage::Frame {
             let slot = self.frame % self.frames.len();

@@ -10,7 +10,14 @@ use bytemuck::{Pod, Zeroable};
 use egui::epaint::{ClippedPrimitive, ImageData, ImageDelta, Primitive, Vertex};
 use egui::{TextureFilter, TextureId};
 
-use super::{Acquired, Buffer, Commands, Gpu, GpuError, MemoryKind, Result, Swapchain, shaders};
+use super::acquired::Acquired;
+use super::command::Commands;
+use super::device::Gpu;
+use super::error::{GpuError, Result};
+use super::kinds::MemoryKind;
+use super::memory::Buffer;
+use super::shaders;
+use super::swapchain::Swapchain;
 
 /// Behind everything, encoded: what is left free of the picture.
 const BACKDROP: [f32; 4] = [0.09, 0.10, 0.11, 1.0];
@@ -154,48 +161,54 @@ impl Overlay {
         self.meshes[slot] = Some(meshes.clone());
 
         let target = image.size();
-        commands.bind_drawing(&self.program);
-        let to_clip = target.map(|pixels| 2.0 * pixels_per_point / pixels as f32);
-        let (mut vertices, mut first) = (meshes.address(), meshes.address() + corner_bytes);
-        let mut draw =
-            |commands: &mut Commands, texels: &Buffer, size: [i32; 2], is_smooth, counts: [usize; 2]| {
-                let push = Push {
-                    vertices: halves(vertices),
-                    indices: halves(first),
-                    texels: halves(texels.address()),
-                    size,
-                    to_clip,
-                    is_smooth: u32::from(is_smooth),
+        let backdrop = match image.is_linear {
+            true => [linear(BACKDROP[0]), linear(BACKDROP[1]), linear(BACKDROP[2]), BACKDROP[3]],
+            false => BACKDROP,
+        };
+        commands.rendering(image, backdrop, |commands| {
+            commands.bind_drawing(&self.program);
+            let to_clip = target.map(|pixels| 2.0 * pixels_per_point / pixels as f32);
+            let (mut vertices, mut first) = (meshes.address(), meshes.address() + corner_bytes);
+            let mut draw =
+                |commands: &mut Commands, texels: &Buffer, size: [i32; 2], is_smooth, counts: [usize; 2]| {
+                    let push = Push {
+                        vertices: halves(vertices),
+                        indices: halves(first),
+                        texels: halves(texels.address()),
+                        size,
+                        to_clip,
+                        is_smooth: u32::from(is_smooth),
+                    };
+                    commands.keep(texels.clone());
+                    commands.draw(&self.program, bytemuck::bytes_of(&push), counts[1] as u32);
+                    vertices += (counts[0] * size_of::<Corner>()) as u64;
+                    first += (counts[1] * size_of::<u32>()) as u64;
                 };
-                commands.keep(texels.clone());
-                commands.draw(&self.program, bytemuck::bytes_of(&push), counts[1] as u32);
-                vertices += (counts[0] * size_of::<Corner>()) as u64;
-                first += (counts[1] * size_of::<u32>()) as u64;
-            };
-        if let Some(Picture { words, size, place }) = picture {
-            commands.clip([0, 0, target[0], target[1]]);
-            let is_smooth = size != [place[2], place[3]];
-            draw(commands, words, size.map(|pixels| pixels as i32), is_smooth, [4, 6]);
-        }
-        for primitive in primitives {
-            let Primitive::Mesh(mesh) = &primitive.primitive else { continue };
-            let Some(texture) = self.textures.get(&mesh.texture_id) else {
-                unreachable!("the toolkit sends a texture before it draws with it");
-            };
-            let clip = primitive.clip_rect * pixels_per_point;
-            let side = |value: f32, most: u32| (value.round().max(0.0) as u32).min(most);
-            let [left, top] = [side(clip.min.x, target[0]), side(clip.min.y, target[1])];
-            let [right, bottom] = [side(clip.max.x, target[0]), side(clip.max.y, target[1])];
-            commands.clip([left, top, right.saturating_sub(left), bottom.saturating_sub(top)]);
-            let size = texture.size.map(|pixels| pixels as i32);
-            draw(
-                commands,
-                &texture.buffer,
-                size,
-                texture.is_smooth,
-                [mesh.vertices.len(), mesh.indices.len()],
-            );
-        }
+            if let Some(Picture { words, size, place }) = picture {
+                commands.clip([0, 0, target[0], target[1]]);
+                let is_smooth = size != [place[2], place[3]];
+                draw(commands, words, size.map(|pixels| pixels as i32), is_smooth, [4, 6]);
+            }
+            for primitive in primitives {
+                let Primitive::Mesh(mesh) = &primitive.primitive else { continue };
+                let Some(texture) = self.textures.get(&mesh.texture_id) else {
+                    unreachable!("the toolkit sends a texture before it draws with it");
+                };
+                let clip = primitive.clip_rect * pixels_per_point;
+                let side = |value: f32, most: u32| (value.round().max(0.0) as u32).min(most);
+                let [left, top] = [side(clip.min.x, target[0]), side(clip.min.y, target[1])];
+                let [right, bottom] = [side(clip.max.x, target[0]), side(clip.max.y, target[1])];
+                commands.clip([left, top, right.saturating_sub(left), bottom.saturating_sub(top)]);
+                let size = texture.size.map(|pixels| pixels as i32);
+                draw(
+                    commands,
+                    &texture.buffer,
+                    size,
+                    texture.is_smooth,
+                    [mesh.vertices.len(), mesh.indices.len()],
+                );
+            }
+        });
         Ok(())
     }
 }
@@ -279,7 +292,7 @@ impl Program {
                 .push_next(&mut rendering)];
             // SAFETY: every pointer in `create` is alive in this scope; the module is not used afterwards.
             unsafe {
-                let made = device.create_graphics_pipelines(gpu.0.pipeline_cache, &create, None);
+                let made = device.create_graphics_pipelines(gpu.0.pipeline_cache.handle(), &create, None);
                 device.destroy_shader_module(fragment, None);
                 made.map_err(|(_, e)| failed("vkCreateGraphicsPipelines", e))
             }
@@ -304,43 +317,6 @@ impl Drop for Program {
 }
 
 impl Commands {
-    /// Runs `paint` between the start and the end of drawing on `image`.
-    pub(super) fn rendering<R>(&mut self, image: &Acquired, paint: impl FnOnce(&mut Commands) -> R) -> R {
-        let [width, height] = image.size;
-        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
-        let [red, green, blue, alpha] = BACKDROP;
-        let float32 = match image.is_linear {
-            true => [linear(red), linear(green), linear(blue), alpha],
-            false => BACKDROP,
-        };
-        let clear = vk::ClearValue { color: vk::ClearColorValue { float32 } };
-        let attachments = [vk::RenderingAttachmentInfo::default()
-            .image_view(image.view)
-            .image_layout(vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL)
-            .load_op(vk::AttachmentLoadOp::CLEAR)
-            .store_op(vk::AttachmentStoreOp::STORE)
-            .clear_value(clear)];
-        let rendering =
-            vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&attachments);
-        let viewport = vk::Viewport {
-            width: width as f32,
-            height: height as f32,
-            max_depth: 1.0,
-            ..vk::Viewport::default()
-        };
-        let (device, buffer) = (self.gpu().device().clone(), self.handle());
-        // SAFETY: the command buffer is being recorded; the image is the swapchain's, which waits for the device
-        // before it goes.
-        unsafe {
-            device.cmd_begin_rendering(buffer, &rendering);
-            device.cmd_set_viewport(buffer, 0, &[viewport]);
-        }
-        let painted = paint(self);
-        // SAFETY: begun above.
-        unsafe { device.cmd_end_rendering(buffer) };
-        painted
-    }
-
     fn bind_drawing(&mut self, program: &Arc<Program>) {
         self.keep(program.clone());
         let point = vk::PipelineBindPoint::GRAPHICS;

@@ -1,13 +1,15 @@
 //! Compute programs and their buffers.
 
 use std::collections::HashMap;
-use std::sync::atomic::Ordering;
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, Mutex, Weak};
 
 use ash::vk;
 
-use super::device::lock;
-use super::{Buffer, Gpu, GpuError, Result};
+use super::device::Gpu;
+use super::error::{GpuError, Result};
+use super::kinds::BindingKind;
+use super::lock::lock;
+use super::memory::Buffer;
 
 /// What every Vulkan device grants; the program may ask for no more.
 const MAX_PUSH_BYTES: u32 = 128;
@@ -52,17 +54,18 @@ pub struct Executable {
 
 /// What tells programs of a device apart; of the words it is enough where they are.
 #[derive(PartialEq, Eq, Hash)]
-pub(super) struct Kind {
+struct Kind {
     words: (usize, usize),
     constants: Vec<(u32, u32)>,
     push_bytes: u32,
     bindings: Vec<BindingKind>,
 }
 
-/// The programs of a device that someone holds.
-pub(super) type Programs = HashMap<Kind, Weak<Program>>;
+/// The programs of a device that someone holds; see [`Gpu::shared`].
+#[derive(Default)]
+struct Programs(Mutex<HashMap<Kind, Weak<Program>>>);
 
-pub(super) struct Program {
+struct Program {
     gpu: Gpu,
     name: String,
     set_layout: vk::DescriptorSetLayout,
@@ -70,27 +73,6 @@ pub(super) struct Program {
     handle: vk::Pipeline,
     push_bytes: u32,
     bindings: Vec<BindingKind>,
-}
-
-/// What a binding of a program is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum BindingKind {
-    /// A buffer of any size that shaders may write.
-    Storage,
-    /// A small buffer of constants.
-    Uniform,
-    /// A buffer of words that shaders see as texels: as many as the device's limit says.
-    Texels,
-}
-
-impl BindingKind {
-    fn descriptor(self) -> vk::DescriptorType {
-        match self {
-            BindingKind::Storage => vk::DescriptorType::STORAGE_BUFFER,
-            BindingKind::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
-            BindingKind::Texels => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
-        }
-    }
 }
 
 impl ComputePipeline {
@@ -113,16 +95,18 @@ impl ComputePipeline {
             push_bytes,
             bindings: bindings.to_vec(),
         };
-        if let Some(program) = lock(&gpu.0.programs).get(&kind).and_then(Weak::upgrade) {
+        let programs = gpu.shared::<Programs>();
+        if let Some(program) = lock(&programs.0).get(&kind).and_then(Weak::upgrade) {
             return Ok(ComputePipeline(program));
         }
         // Not under the lock: others are made meanwhile. Two threads that want the same one make two.
         let program = Arc::new(Program::new(gpu, name, words, constants, push_bytes, bindings)?);
-        let mut programs = lock(&gpu.0.programs);
+        let mut programs = lock(&programs.0);
         programs.retain(|_, program| program.strong_count() > 0);
         programs.insert(kind, Arc::downgrade(&program));
         Ok(ComputePipeline(program))
     }
+
     /// Ties `buffers` to bindings 0, 1, ... of this program, whole.
     ///
     /// # Panics
@@ -319,12 +303,12 @@ impl Program {
             [vk::ComputePipelineCreateInfo::default().flags(flags).stage(stage).layout(program.layout)];
         // SAFETY: module and layout are alive until the call returns; afterwards the module is not used.
         let made = unsafe {
-            let made = device.create_compute_pipelines(gpu.0.pipeline_cache, &create, None);
+            let made = device.create_compute_pipelines(gpu.0.pipeline_cache.handle(), &create, None);
             device.destroy_shader_module(module, None);
             made
         };
         program.handle = made.map_err(|(_, e)| failed("vkCreateComputePipelines", e))?[0];
-        gpu.0.has_compiled.store(true, Ordering::Relaxed);
+        gpu.0.pipeline_cache.note_compiled();
         gpu.name_object(program.handle, name);
         Ok(program)
     }

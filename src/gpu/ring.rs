@@ -2,7 +2,12 @@
 
 use std::collections::VecDeque;
 
-use super::{Buffer, Edge, Gpu, MemoryKind, Order, Result, SyncPoint};
+use super::device::Gpu;
+use super::error::Result;
+use super::kinds::MemoryKind;
+use super::memory::Buffer;
+use super::order::{Edge, Order};
+use super::sync::SyncPoint;
 
 /// Copies start at multiples of this.
 const ALIGN: u64 = 16;

@@ -6,34 +6,11 @@ use std::time::Duration;
 
 use ash::vk;
 
-use super::device::lock;
-use super::{Commands, Gpu, GpuError, QueueKind, Result};
-
-/// A submitted piece of work. Only a submit makes one, so no wait can come before its signal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct SyncPoint {
-    pub(super) queue: QueueKind,
-    pub(super) value: u64,
-}
-
-impl SyncPoint {
-    /// The queue that the work was submitted to; a device with one queue has only compute points.
-    pub fn queue(self) -> QueueKind {
-        self.queue
-    }
-
-    /// Counts the submits of that queue, from 1.
-    pub fn value(self) -> u64 {
-        self.value
-    }
-}
-
-/// What a submit waits for: a point of the other queue, before these stages.
-#[derive(Clone, Copy)]
-pub(super) struct Wait {
-    pub point: SyncPoint,
-    pub stages: vk::PipelineStageFlags2,
-}
+use super::device::Gpu;
+use super::error::{GpuError, Result};
+use super::kinds::QueueKind;
+use super::lock::lock;
+use super::sync::SyncPoint;
 
 /// A queue with its timeline semaphore. Choosing the value and submitting is one step, and things in
 /// use wait here until the queue is past them.
@@ -64,13 +41,18 @@ impl Timeline {
         self.semaphore
     }
 
-    /// Submits `commands` after `waits` (semaphore, value, stages) and keeps them until they are done.
-    pub fn submit(
+    /// Submits the recorded `buffer` after `waits` (semaphore, value, stages); `also_signalled`: a binary semaphore.
+    ///
+    /// # Safety
+    /// `buffer` is executable and of this queue's family, every waited value was submitted before, and the caller
+    /// keeps the buffer and all that it uses until the queue is past the point: see [`Timeline::retire`].
+    pub unsafe fn submit(
         &mut self,
-        mut commands: Commands,
+        name: &str,
+        buffer: vk::CommandBuffer,
         waits: &[vk::SemaphoreSubmitInfo<'_>],
+        also_signalled: Option<vk::Semaphore>,
     ) -> Result<SyncPoint> {
-        let buffer = commands.end()?;
         let value = self.submitted + 1;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(buffer)];
         let signal = |semaphore: vk::Semaphore, value: u64| {
@@ -80,7 +62,7 @@ impl Timeline {
                 .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
         };
         let mut signals = vec![signal(self.semaphore, value)];
-        signals.extend(commands.shown.map(|[_, drawn]| signal(drawn, 0)));
+        signals.extend(also_signalled.map(|semaphore| signal(semaphore, 0)));
         let submit = vk::SubmitInfo2::default()
             .wait_semaphore_infos(waits)
             .command_buffer_infos(&buffers)
@@ -88,17 +70,14 @@ impl Timeline {
         {
             let _guard = lock(&self.gpu.0.submitting);
             let queue = self.gpu.queue(self.queue).handle;
-            // SAFETY: the lock makes this thread the queue's only user; the command buffer and all that
-            // it uses stay in `retired` until `value` is reached; the waited values were submitted
-            // before (a `SyncPoint` proves it).
+            // SAFETY: the lock makes this thread the queue's only user; the rest is the caller's promise.
             unsafe { self.gpu.device().queue_submit2(queue, &[submit], vk::Fence::null()) }
-                .map_err(|e| GpuError::vulkan(format!("vkQueueSubmit2 of {}", commands.name()), e))?;
+                .map_err(|e| GpuError::vulkan(format!("vkQueueSubmit2 of {name}"), e))?;
         }
         self.submitted = value;
         // Nothing is asked of the device: what the host knows to be done by now is given back with every submit, so
-        // that what is held does not grow with the number of submits.
+        // that what is kept does not grow with the number of submits.
         self.drop_seen();
-        self.retired.push_back((value, Box::new(commands)));
         Ok(SyncPoint { queue: self.queue, value })
     }
 

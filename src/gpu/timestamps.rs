@@ -4,7 +4,12 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::{Commands, Gpu, GpuError, Order, QueueKind, Result, SyncPoint};
+use super::command::Commands;
+use super::device::Gpu;
+use super::error::{GpuError, Result};
+use super::kinds::QueueKind;
+use super::order::Order;
+use super::sync::SyncPoint;
 
 /// Measures consecutive stages within one [`Commands`].
 pub struct Timestamps {
