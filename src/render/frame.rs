@@ -1264,7 +1264,8 @@ pub(super) fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_in, members, readers_of_tables, readers_of_texels};
+    use crate::gpu::layout::{assert_in, members};
+    use crate::resident::readers::{readers_of_tables, readers_of_texels};
 
     #[test]
     fn shaders_see_the_structs_as_they_are_written() {

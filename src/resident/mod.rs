@@ -9,6 +9,8 @@ mod motion;
 mod payloads;
 mod policy;
 pub mod pool;
+#[cfg(test)]
+pub(crate) mod readers;
 pub mod scene;
 pub mod table;
 mod transfer;

@@ -202,7 +202,8 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::layout::{assert_in, members, readers_of_tables};
+    use crate::gpu::layout::{assert_in, members};
+    use crate::resident::readers::readers_of_tables;
 
     #[test]
     fn shaders_see_nodes_as_they_are_written() {
