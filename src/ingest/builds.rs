@@ -45,7 +45,7 @@ pub struct Source {
     /// Where it is seen.
     pub extent: Option<Extent>,
     /// Its points are shown.
-    pub shown: bool,
+    pub visible: bool,
     /// It cannot be read any more.
     lost: bool,
     /// Its first chunk in `Builds::chunks`.
@@ -53,7 +53,7 @@ pub struct Source {
     /// Chunks of it that are being read.
     busy: u32,
     /// More was learned of its chunks than has been handed out.
-    has_news: bool,
+    has_learned: bool,
 }
 
 /// What is known of a chunk.
@@ -97,8 +97,8 @@ pub struct Finished {
     /// Some of its points could not be read.
     pub damaged: bool,
     /// Changes to the set of files that it knows of.
-    pub change: u64,
-    /// Bytes that its columns take until [`Builds::packed`] says that they are gone.
+    pub revision: u64,
+    /// Bytes that its columns take until [`Builds::release_columns`] says that they are gone.
     pub bytes: u64,
 }
 
@@ -156,12 +156,12 @@ pub struct Builds {
     /// What is wanted, most urgent first.
     order: Vec<PayloadKey>,
     budget_bytes: u64,
-    change: u64,
+    revision: u64,
     finished: VecDeque<Finished>,
     /// Bytes of those, and of those that are being packed.
     waiting_bytes: u64,
     /// Finished, on their way to whoever wanted them.
-    out: HashSet<PayloadKey>,
+    in_transit: HashSet<PayloadKey>,
     errors: Vec<String>,
     /// What is no error, but not as it should be.
     warnings: Vec<String>,
@@ -208,10 +208,10 @@ impl Builds {
             builds: HashMap::new(),
             order: Vec::new(),
             budget_bytes,
-            change: 0,
+            revision: 0,
             finished: VecDeque::new(),
             waiting_bytes: 0,
-            out: HashSet::new(),
+            in_transit: HashSet::new(),
             errors: Vec::new(),
             warnings: Vec::new(),
             corrected: Vec::new(),
@@ -242,8 +242,8 @@ impl Builds {
         let fits = input.input.file.chunks.len() <= of_old.len();
         let first = if fits { of_old.start } else { self.chunks.len() as u32 };
         let (file, chunks) = self.source(source, first, input);
-        let file = Source { shown: self.sources[source].shown, ..file };
-        if file.shown {
+        let file = Source { visible: self.sources[source].visible, ..file };
+        if file.visible {
             self.progress.points -= self.sources[source].input.file.points();
             self.progress.points += file.input.file.points();
         }
@@ -294,21 +294,21 @@ impl Builds {
             input: Arc::new(input),
             reach: reach.and_then(|b| cells_of(&grid, b.min, b.max)).map(around),
             extent,
-            shown: true,
+            visible: true,
             lost: false,
             first,
             busy: 0,
-            has_news: false,
+            has_learned: false,
         };
         (source, chunks)
     }
 
     /// Shows or hides a file.
-    pub fn show(&mut self, source: usize, shown: bool) {
-        if self.sources[source].shown == shown {
+    pub fn set_visible(&mut self, source: usize, shown: bool) {
+        if self.sources[source].visible == shown {
             return;
         }
-        self.sources[source].shown = shown;
+        self.sources[source].visible = shown;
         let points = self.sources[source].input.file.points();
         self.progress.points =
             if shown { self.progress.points + points } else { self.progress.points - points };
@@ -323,12 +323,12 @@ impl Builds {
 
     /// No section that a file touches is being made any more.
     fn drop_touched(&mut self, source: usize) {
-        self.change += 1;
+        self.revision += 1;
         let touched: Vec<_> =
             self.builds.keys().copied().filter(|&key| self.touches(source, key.section)).collect();
         touched.into_iter().for_each(|key| self.drop_build(key));
-        let out = std::mem::take(&mut self.out);
-        self.out = out.into_iter().filter(|&key| !self.touches(source, key.section)).collect();
+        let out = std::mem::take(&mut self.in_transit);
+        self.in_transit = out.into_iter().filter(|&key| !self.touches(source, key.section)).collect();
     }
 
     /// Whether a file may have points in a section.
@@ -355,12 +355,12 @@ impl Builds {
     }
 
     /// Changes to the set of files since the start.
-    pub fn change(&self) -> u64 {
-        self.change
+    pub fn revision(&self) -> u64 {
+        self.revision
     }
 
     /// What is wanted from now on, most urgent first. What is not wanted any more is kept while there is room.
-    pub fn want(&mut self, order: Vec<PayloadKey>) {
+    pub fn request(&mut self, order: Vec<PayloadKey>) {
         self.order = order;
         self.admit();
     }
@@ -380,7 +380,7 @@ impl Builds {
         let mut bytes = self.bytes();
         let mut tidied = false;
         for key in self.order.clone() {
-            if self.builds.contains_key(&key) || self.out.contains(&key) {
+            if self.builds.contains_key(&key) || self.in_transit.contains(&key) {
                 continue;
             }
             if bytes + USUAL_BYTES > self.budget_bytes && !std::mem::replace(&mut tidied, true) {
@@ -403,7 +403,7 @@ impl Builds {
         let mut lacks = Vec::new();
         let mut damaged = false;
         for source in
-            (0..self.sources.len()).filter(|&s| self.sources[s].shown && self.reaches(s, key.section))
+            (0..self.sources.len()).filter(|&s| self.sources[s].visible && self.reaches(s, key.section))
         {
             let touching = self.chunks_of(source).filter(|&chunk| self.may_hold(chunk, key.section));
             if self.sources[source].lost {
@@ -428,9 +428,9 @@ impl Builds {
         if self.builds.get(&key).is_some_and(|build| build.lacks.is_empty()) {
             let Build { columns, damaged, bytes, .. } = self.builds.remove(&key).expect("just seen");
             self.order.retain(|other| *other != key);
-            self.out.insert(key);
+            self.in_transit.insert(key);
             self.waiting_bytes += bytes;
-            self.finished.push_back(Finished { key, columns, damaged, change: self.change, bytes });
+            self.finished.push_back(Finished { key, columns, damaged, revision: self.revision, bytes });
         }
     }
 
@@ -440,7 +440,7 @@ impl Builds {
     }
 
     /// The columns of a finished section, which took so many bytes, are gone: there is room for others.
-    pub fn packed(&mut self, bytes: u64) {
+    pub fn release_columns(&mut self, bytes: u64) {
         self.waiting_bytes -= bytes;
         self.admit();
     }
@@ -451,8 +451,8 @@ impl Builds {
     }
 
     /// A finished section has reached whoever wanted it.
-    pub fn taken(&mut self, key: PayloadKey) {
-        self.out.remove(&key);
+    pub fn received(&mut self, key: PayloadKey) {
+        self.in_transit.remove(&key);
         // Whoever asked before it arrived has it now; else it is asked for again.
         self.order.retain(|wanted| *wanted != key);
     }
@@ -477,7 +477,7 @@ impl Builds {
     }
 
     /// Takes in what came of a job.
-    pub fn done(&mut self, job: Job, outcome: Outcome) {
+    pub fn finish_job(&mut self, job: Job, outcome: Outcome) {
         let Job { chunk, input, index, targets } = job;
         self.progress.points_read += outcome.points;
         self.progress.bytes_read += input.file.chunks[index].byte_len;
@@ -557,7 +557,7 @@ impl Builds {
         let cells = cells_of_raw(&self.grid, &self.sources[source].input, bounds)?;
         // Two may be wrong.
         while let Some(told) = self.contradicted(chunk, cells) {
-            self.disbelieve(source, told);
+            self.distrust(source, told);
         }
         Some(cells)
     }
@@ -571,7 +571,7 @@ impl Builds {
     }
 
     /// Forgets what was told of a file; what it touches is to be made anew.
-    fn disbelieve(&mut self, source: usize, told: Told) {
+    fn distrust(&mut self, source: usize, told: Told) {
         let path = self.sources[source].input.file.path().display();
         let line = format!("{path}: {}", told.contradicted());
         match told {
@@ -602,12 +602,12 @@ impl Builds {
         self.progress.chunks_known += u64::from(state.cells.is_none() && cells.is_some());
         state.cells = cells.map(|cells| (Told::Points, cells)).or(state.cells);
         if state.learned.replace(bounds) != Some(bounds) {
-            self.sources[state.source as usize].has_news = true;
+            self.sources[state.source as usize].has_learned = true;
         }
     }
 
     /// Compares some points of each of these chunks of a file with what is believed.
-    pub fn saw(&mut self, source: usize, seen: &[(usize, RawBounds)]) {
+    pub fn check_sample(&mut self, source: usize, seen: &[(usize, RawBounds)]) {
         let first = self.sources[source].first;
         for (index, bounds) in seen {
             self.compare(first + *index as u32, bounds);
@@ -618,7 +618,7 @@ impl Builds {
     pub fn take_learned(&mut self) -> Vec<(Arc<Input>, Vec<Option<RawBounds>>)> {
         let mut learned = Vec::new();
         for source in 0..self.sources.len() {
-            if std::mem::take(&mut self.sources[source].has_news) {
+            if std::mem::take(&mut self.sources[source].has_learned) {
                 let bounds =
                     self.chunks_of(source).map(|chunk| self.chunks[chunk as usize].learned).collect();
                 learned.push((Arc::clone(&self.sources[source].input), bounds));

@@ -5,7 +5,7 @@
 
 use super::bins::Core;
 use super::builds::{Builds, OpenInput};
-use super::feed::{Arrival, Feed, Held};
+use super::feed::{Arrival, Feed, FeedGuard};
 use crate::section::{PayloadKey, PayloadKind};
 use std::collections::{HashMap, HashSet, VecDeque};
 
@@ -53,16 +53,16 @@ impl Changes {
     }
 
     /// Applies all; gives the sections, among those of which something is known, that are made of other files by now.
-    pub fn apply(&mut self, held: &mut Held, known: &HashSet<PayloadKey>) -> Vec<PayloadKey> {
+    pub fn apply(&mut self, held: &mut FeedGuard, known: &HashSet<PayloadKey>) -> Vec<PayloadKey> {
         let mut all_touched = Vec::new();
         for change in std::mem::take(&mut self.pending) {
             let mut changed = |builds: &Builds, sources: &[usize]| {
                 all_touched.extend(touched(builds, sources, known));
-                self.add(builds.change(), sources.iter().copied());
+                self.add(builds.revision(), sources.iter().copied());
             };
             match change {
                 Change::Show(sources, shown) => {
-                    sources.iter().for_each(|&source| held.builds().show(source, shown));
+                    sources.iter().for_each(|&source| held.builds().set_visible(source, shown));
                     changed(held.builds(), &sources);
                 }
                 Change::Add(inputs, core) => {
@@ -78,7 +78,7 @@ impl Changes {
                     files.into_iter().for_each(|(source, input)| builds.replace(source, input));
                     changed(builds, &sources);
                     // Where the old ones lay is forgotten: whatever is under way is made again.
-                    self.add_all(builds.change());
+                    self.add_all(builds.revision());
                 }
                 Change::Corrected(sources) => changed(held.builds(), &sources),
             }
@@ -98,15 +98,15 @@ impl Changes {
 
     /// Whether an arrival is not of the files as they are; `None`: a thread is in the way of finding out.
     pub fn is_outdated(&self, arrival: &Arrival, feed: &Feed) -> Option<bool> {
-        if arrival.change >= self.last {
+        if arrival.revision >= self.last {
             return Some(false);
         }
-        if arrival.key.kind == PayloadKind::Sample || arrival.change < self.of_all {
+        if arrival.key.kind == PayloadKind::Sample || arrival.revision < self.of_all {
             return Some(true);
         }
-        let mut held = feed.try_hold()?;
+        let mut held = feed.try_lock()?;
         let builds = held.builds();
-        let mut since = self.of_file.iter().filter(|(_, since)| **since > arrival.change);
+        let mut since = self.of_file.iter().filter(|(_, since)| **since > arrival.revision);
         Some(since.any(|(&source, _)| builds.touches(source, arrival.key.section)))
     }
 }

@@ -1,8 +1,13 @@
-//! Threads that read what is wanted: chunks into sections, finished sections into packed ones.
+//! Worker threads: chunks into the sections that request them, finished sections into payloads.
 //!
-//! The threads have the lowest priority, so one that holds the lock may not run for a while. What a frame tells them goes
-//! by letter therefore, and what they tell it by channels; where a frame has to look at or change what they share, it
-//! does so when the lock happens to be free ([`Feed::try_hold`]), in this frame or a later one. It never waits for them.
+//! The threads have the lowest priority, so one that holds the lock may not run for a while. Frames therefore send the
+//! threads messages and receive arrivals and notices through channels; where a frame has to look at, or change, what the
+//! threads share, it does so when the lock happens to be free ([`Feed::try_lock`]), in this frame or a later one. It never
+//! waits for them.
+//!
+//! The calls, in order: [`Feed::new`], [`Feed::start`] once; then [`Feed::request`] what is missing and [`Feed::try_take`]
+//! what has arrived, each frame; a payload that has been taken is confirmed ([`Feed::received`]), so that it may be
+//! requested again.
 
 use super::bins::{Binner, Core, Shared, lock};
 use super::budget::Shares;
@@ -35,8 +40,8 @@ pub struct Arrival {
     pub payload: Option<Payload>,
     /// Some of its points could not be read.
     pub damaged: bool,
-    /// Changes to the set of files that it knows of; see [`Builds::change`].
-    pub change: u64,
+    /// Changes to the set of files that it knows of; see [`Builds::revision`].
+    pub revision: u64,
     /// Bytes that it is charged with until it is taken.
     bytes: u64,
 }
@@ -60,7 +65,7 @@ struct Sample {
     /// Files that are being read.
     busy: usize,
     sections: Sections,
-    change: u64,
+    revision: u64,
 }
 
 struct State {
@@ -76,11 +81,11 @@ struct State {
 }
 
 /// What frames tell the threads.
-enum Letter {
-    /// See [`Builds::want`].
-    Want(Vec<PayloadKey>),
-    /// See [`Builds::taken`].
-    Taken(PayloadKey),
+enum Message {
+    /// See [`Builds::request`].
+    Request(Vec<PayloadKey>),
+    /// See [`Builds::received`].
+    Received(PayloadKey),
     /// Nothing more is begun, or it goes on.
     Pause(bool),
     /// What is learned of files is kept there, now and then and at the end.
@@ -88,7 +93,7 @@ enum Letter {
 }
 
 /// What the threads tell frames.
-pub enum News {
+pub enum Notice {
     /// Something went wrong.
     Error(String),
     /// Something is not as it should be, but takes nothing away.
@@ -104,15 +109,15 @@ struct Inner {
     stop: AtomicBool,
     grid: Grid,
     /// Not read yet.
-    letters: Receiver<Letter>,
-    news: Sender<News>,
+    messages: Receiver<Message>,
+    notices: Sender<Notice>,
     /// No sparse sample is being taken.
     sampled: AtomicBool,
     /// Bytes of sections that are being packed, or wait to be taken, and how many there may be.
     arriving: AtomicU64,
     most_arriving: u64,
     /// A section waits to be packed until there is room.
-    is_held_back: AtomicBool,
+    is_throttled: AtomicBool,
     /// What decoders share.
     layers: LayerMemory,
     /// Why nothing will be read any more.
@@ -120,10 +125,10 @@ struct Inner {
 }
 
 impl Inner {
-    /// The state as all letters have made it.
+    /// The state as all messages have made it.
     fn lock(&self) -> MutexGuard<'_, State> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        self.read_letters(&mut state);
+        self.read_messages(&mut state);
         state
     }
 
@@ -134,12 +139,12 @@ impl Inner {
             Err(TryLockError::Poisoned(state)) => state.into_inner(),
             Err(TryLockError::WouldBlock) => return None,
         };
-        self.read_letters(&mut state);
+        self.read_messages(&mut state);
         Some(state)
     }
 
     /// An arrival has been taken: there is room for another.
-    fn has_taken(&self, arrival: &Arrival) {
+    fn release_arrival(&self, arrival: &Arrival) {
         self.arriving.fetch_sub(arrival.bytes, Ordering::Relaxed);
     }
 
@@ -148,7 +153,7 @@ impl Inner {
         let bytes = packed_bytes_at_most(columns);
         let room = |now: u64| (now == 0 || now + bytes <= self.most_arriving).then_some(now + bytes);
         let may = self.arriving.fetch_update(Ordering::Relaxed, Ordering::Relaxed, room).is_ok();
-        self.is_held_back.store(!may, Ordering::Relaxed);
+        self.is_throttled.store(!may, Ordering::Relaxed);
         may
     }
 
@@ -160,27 +165,27 @@ impl Inner {
         self.work.notify_all();
     }
 
-    fn read_letters(&self, state: &mut State) {
+    fn read_messages(&self, state: &mut State) {
         let mut order = None;
-        for letter in self.letters.try_iter() {
-            match letter {
-                Letter::Want(keys) => order = Some(keys),
-                Letter::Taken(key) => {
-                    // In the order of the letters: what was asked for before it was taken is not asked for again.
+        for message in self.messages.try_iter() {
+            match message {
+                Message::Request(keys) => order = Some(keys),
+                Message::Received(key) => {
+                    // In the order of the messages: what was asked for before it was taken is not asked for again.
                     if let Some(order) = order.take() {
-                        state.builds.want(order);
+                        state.builds.request(order);
                     }
-                    state.builds.taken(key);
+                    state.builds.received(key);
                 }
-                Letter::Pause(paused) => {
+                Message::Pause(paused) => {
                     state.paused = paused;
                     self.work.notify_all();
                 }
-                Letter::Cache(cache) => state.cache = Some((Arc::new(cache), Instant::now())),
+                Message::Cache(cache) => state.cache = Some((Arc::new(cache), Instant::now())),
             }
         }
         if let Some(order) = order {
-            state.builds.want(order);
+            state.builds.request(order);
             self.work.notify_all();
         }
     }
@@ -188,12 +193,12 @@ impl Inner {
     /// Tells frames what has come up; gives whether anything has.
     fn report(&self, builds: &mut Builds) -> bool {
         let mut told = false;
-        let errors = builds.take_errors().into_iter().map(News::Error);
-        let warnings = builds.take_warnings().into_iter().map(News::Warning);
-        let corrected = builds.take_corrected().into_iter().map(News::Corrected);
-        for news in errors.chain(warnings).chain(corrected) {
+        let errors = builds.take_errors().into_iter().map(Notice::Error);
+        let warnings = builds.take_warnings().into_iter().map(Notice::Warning);
+        let corrected = builds.take_corrected().into_iter().map(Notice::Corrected);
+        for notice in errors.chain(warnings).chain(corrected) {
             // Nobody may be left to hear it.
-            let _ = self.news.send(news);
+            let _ = self.notices.send(notice);
             told = true;
         }
         told
@@ -220,17 +225,17 @@ pub struct Feed {
     arrivals: Receiver<Arrival>,
     /// Until the threads are started.
     send: Option<Sender<Arrival>>,
-    letters: Sender<Letter>,
-    news: Receiver<News>,
+    messages: Sender<Message>,
+    notices: Receiver<Notice>,
 }
 
 /// What the threads share, held by someone who looks at it or changes it; they go on when it is dropped.
-pub struct Held<'a> {
+pub struct FeedGuard<'a> {
     inner: &'a Inner,
     state: MutexGuard<'a, State>,
 }
 
-impl Held<'_> {
+impl FeedGuard<'_> {
     /// What is being made.
     pub fn builds(&mut self) -> &mut Builds {
         &mut self.state.builds
@@ -246,9 +251,9 @@ impl Held<'_> {
         let State { builds, sparse, sample, .. } = &mut *self.state;
         sparse.retain(|source, (of, _)| Arc::ptr_eq(of, &builds.sources()[*source].input));
         let sources = builds.sources();
-        let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].shown).collect();
+        let left: Vec<_> = (0..sources.len()).rev().filter(|&source| sources[source].visible).collect();
         let most = sparse::points_of_file(left.len());
-        let change = builds.change();
+        let revision = builds.revision();
         self.inner.sampled.store(left.is_empty(), Ordering::Release);
         *sample = (!left.is_empty()).then(|| Sample {
             level,
@@ -256,12 +261,12 @@ impl Held<'_> {
             left,
             busy: 0,
             sections: Arc::default(),
-            change,
+            revision,
         });
     }
 }
 
-impl Drop for Held<'_> {
+impl Drop for FeedGuard<'_> {
     fn drop(&mut self) {
         self.inner.work.notify_all();
     }
@@ -279,8 +284,8 @@ fn grid_at(grid: &Grid, level: u8) -> Grid {
 impl Feed {
     /// Of what `builds` says, in host memory of `shares`. Nothing is read before [`Feed::start`].
     pub fn new(builds: Builds, grid: Grid, core: Core, shares: Shares) -> Feed {
-        let (letters, read) = crossbeam_channel::unbounded();
-        let (tell, news) = crossbeam_channel::unbounded();
+        let (messages, read) = crossbeam_channel::unbounded();
+        let (notify, notices) = crossbeam_channel::unbounded();
         let inner = Arc::new(Inner {
             state: Mutex::new(State {
                 paused: false,
@@ -293,17 +298,17 @@ impl Feed {
             work: Condvar::new(),
             stop: AtomicBool::new(false),
             grid,
-            letters: read,
-            news: tell,
+            messages: read,
+            notices: notify,
             sampled: AtomicBool::new(true),
             arriving: AtomicU64::new(0),
             most_arriving: shares.arriving,
-            is_held_back: AtomicBool::new(false),
+            is_throttled: AtomicBool::new(false),
             layers: LayerMemory::new(shares.layers),
             failed: OnceLock::new(),
         });
         let (send, arrivals) = crossbeam_channel::bounded(QUEUE);
-        Feed { inner, arrivals, send: Some(send), letters, news }
+        Feed { inner, arrivals, send: Some(send), messages, notices }
     }
 
     /// Starts `threads` threads, once; `wake` is called when something has arrived.
@@ -330,17 +335,17 @@ impl Feed {
 
     /// Keeps what is learned of files there, now and then and at the end.
     pub fn keep_learned(&self, cache: Cache) {
-        self.tell(Letter::Cache(cache));
+        self.send(Message::Cache(cache));
     }
 
     /// Looks at, or changes, what the threads share, unless one of them does so now: never waits.
-    pub fn try_hold(&self) -> Option<Held<'_>> {
-        Some(Held { inner: &self.inner, state: self.inner.try_lock()? })
+    pub fn try_lock(&self) -> Option<FeedGuard<'_>> {
+        Some(FeedGuard { inner: &self.inner, state: self.inner.try_lock()? })
     }
 
     /// The same, but waits. Not for frames.
-    pub fn hold(&self) -> Held<'_> {
-        Held { inner: &self.inner, state: self.inner.lock() }
+    pub fn lock(&self) -> FeedGuard<'_> {
+        FeedGuard { inner: &self.inner, state: self.inner.lock() }
     }
 
     /// Holds the state while it does what it is given.
@@ -353,50 +358,50 @@ impl Feed {
         }
     }
 
-    /// What is wanted from now on, most urgent first; see [`Builds::want`].
-    pub fn want(&self, order: Vec<PayloadKey>) {
-        self.tell(Letter::Want(order));
+    /// What is wanted from now on, most urgent first; see [`Builds::request`].
+    pub fn request(&self, order: Vec<PayloadKey>) {
+        self.send(Message::Request(order));
     }
 
-    /// A finished section has arrived; see [`Builds::taken`].
-    pub fn taken(&self, key: PayloadKey) {
-        self.tell(Letter::Taken(key));
+    /// A finished section has arrived; see [`Builds::received`].
+    pub fn received(&self, key: PayloadKey) {
+        self.send(Message::Received(key));
     }
 
-    fn tell(&self, letter: Letter) {
+    fn send(&self, message: Message) {
         // The threads go when this does.
-        let _ = self.letters.send(letter);
-        self.nudge();
+        let _ = self.messages.send(message);
+        self.wake();
     }
 
-    /// Wakes the threads where letters lie unread or there may be room again, unless one of them is awake and about to read them. Once a frame: a
-    /// thread that was about to sleep may have missed the last call.
-    pub fn nudge(&self) {
-        let is_due = !self.letters.is_empty() || self.inner.is_held_back.load(Ordering::Relaxed);
+    /// Wakes the threads where messages lie unread or there may be room again, unless one of them is awake and about to
+    /// read them. Once a frame: a thread that was about to sleep may have missed the last call.
+    pub fn wake(&self) {
+        let is_due = !self.messages.is_empty() || self.inner.is_throttled.load(Ordering::Relaxed);
         if is_due && !matches!(self.inner.state.try_lock(), Err(TryLockError::WouldBlock)) {
             self.inner.work.notify_all();
         }
     }
 
     /// What has come up since this was asked last.
-    pub fn news(&self) -> impl Iterator<Item = News> {
-        self.news.try_iter()
+    pub fn notices(&self) -> impl Iterator<Item = Notice> {
+        self.notices.try_iter()
     }
 
     /// Whether something has. What is told of a chunk is told before a section that it was in arrives.
-    pub fn has_news(&self) -> bool {
-        !self.news.is_empty()
+    pub fn has_notices(&self) -> bool {
+        !self.notices.is_empty()
     }
 
     /// Begins nothing more, or goes on.
     pub fn pause(&self, paused: bool) {
-        self.tell(Letter::Pause(paused));
+        self.send(Message::Pause(paused));
     }
 
     /// What has arrived.
     pub fn try_take(&self) -> Option<Arrival> {
         let arrival = self.arrivals.try_recv().ok();
-        arrival.inspect(|arrival| self.inner.has_taken(arrival))
+        arrival.inspect(|arrival| self.inner.release_arrival(arrival))
     }
 
     /// Whether no sparse sample is being taken: all of the last one has arrived, or waits to be taken.
@@ -408,7 +413,7 @@ impl Feed {
     /// Waits for what arrives next.
     pub fn take(&self, timeout: Duration) -> Option<Arrival> {
         let arrival = self.arrivals.recv_timeout(timeout).ok();
-        arrival.inspect(|arrival| self.inner.has_taken(arrival))
+        arrival.inspect(|arrival| self.inner.release_arrival(arrival))
     }
 
     /// Bytes of host memory that are on the way here, and that decoders hold.
@@ -416,7 +421,7 @@ impl Feed {
         self.inner.arriving.load(Ordering::Relaxed) + self.inner.layers.held()
     }
 
-    /// How far it is. Waits as [`Feed::hold`] does.
+    /// How far it is. Waits as [`Feed::lock`] does.
     pub fn progress(&self) -> Progress {
         self.inner.lock().builds.progress()
     }
@@ -436,7 +441,7 @@ impl Drop for Feed {
         if let Some((cache, _)) = state.cache.take() {
             let learned = state.builds.take_learned();
             drop(state);
-            keep(&cache, &learned);
+            save_learned(&cache, &learned);
         }
     }
 }
@@ -447,7 +452,7 @@ fn next(inner: &Inner) -> Option<Task> {
         if inner.stop.load(Ordering::Relaxed) {
             return None;
         }
-        inner.read_letters(&mut state);
+        inner.read_messages(&mut state);
         if state.paused {
             state = inner.work.wait(state).unwrap_or_else(PoisonError::into_inner);
             continue;
@@ -491,14 +496,14 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
             Task::Chunk(job) => {
                 let outcome = read(inner, &core, &mut tools, &job);
                 let mut state = inner.lock();
-                state.builds.done(job, outcome);
+                state.builds.finish_job(job, outcome);
                 let told = inner.report(&mut state.builds);
                 drop(state);
                 inner.work.notify_all();
                 if told {
                     wake();
                 }
-                look_after(inner);
+                maintain_cache(inner);
             }
             Task::Sample { source, input, level, most, read, sections } => {
                 let taken = caught(|| {
@@ -518,14 +523,14 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                     let path = input.file.path().display();
                     let line = format!("{path}: looking at it ended in a fault of the program: {reason}");
                     // Nobody may be left to hear it.
-                    told = inner.news.send(News::Error(line)).is_ok();
+                    told = inner.notices.send(Notice::Error(line)).is_ok();
                     Arc::default()
                 });
                 let mut state = inner.lock();
                 let State { builds, sample, sparse, .. } = &mut *state;
                 // Another file may be in its place by now.
                 if Arc::ptr_eq(&input, &builds.sources()[source].input) {
-                    builds.saw(source, of_file.bounds());
+                    builds.check_sample(source, of_file.bounds());
                     if of_file.is_whole() {
                         sparse.insert(source, (input, of_file));
                     }
@@ -536,12 +541,12 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                     if sample.busy > 1 || !sample.left.is_empty() {
                         sample.busy -= 1;
                     } else {
-                        let change = sample.change;
+                        let revision = sample.revision;
                         packs.extend(lock(&sections).drain().map(|(key, columns)| Finished {
                             key: PayloadKey::sample(key),
                             columns,
                             damaged: false,
-                            change,
+                            revision,
                             bytes: 0,
                         }));
                         sampled = Some(sections);
@@ -551,7 +556,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 if told {
                     wake();
                 }
-                look_after(inner);
+                maintain_cache(inner);
             }
         }
         for finished in packs {
@@ -587,7 +592,7 @@ impl Tools {
 
 /// Packs a section, and lets go of its columns.
 fn pack(inner: &Inner, finished: Finished) -> Arrival {
-    let Finished { key, columns, mut damaged, change, bytes: column_bytes } = finished;
+    let Finished { key, columns, mut damaged, revision, bytes: column_bytes } = finished;
     // Those of the sample are few, and no part of what is being made.
     let is_sample = key.kind == PayloadKind::Sample;
     let charged = if is_sample { 0 } else { packed_bytes_at_most(column_bytes) };
@@ -602,7 +607,7 @@ fn pack(inner: &Inner, finished: Finished) -> Arrival {
             "section {i}, {j} of level {level}: packing it ended in a fault of the program: {reason}"
         );
         // Nobody may be left to hear it.
-        let _ = inner.news.send(News::Error(line));
+        let _ = inner.notices.send(Notice::Error(line));
         damaged = true;
         None
     });
@@ -610,14 +615,14 @@ fn pack(inner: &Inner, finished: Finished) -> Arrival {
     inner.arriving.fetch_add(bytes, Ordering::Relaxed);
     inner.arriving.fetch_sub(charged, Ordering::Relaxed);
     if !is_sample {
-        inner.lock().builds.packed(column_bytes);
+        inner.lock().builds.release_columns(column_bytes);
         inner.work.notify_all();
     }
-    Arrival { key, payload, damaged, change, bytes }
+    Arrival { key, payload, damaged, revision, bytes }
 }
 
 /// Forgets and keeps, where it is time.
-fn look_after(inner: &Inner) {
+fn maintain_cache(inner: &Inner) {
     let mut state = inner.lock();
     let State { builds, cache: Some((cache, kept)), .. } = &mut *state else { return };
     let forgotten = builds.take_forgotten();
@@ -629,11 +634,11 @@ fn look_after(inner: &Inner) {
     let cache = Arc::clone(cache);
     drop(state);
     forgotten.iter().for_each(|input| cache.forget(&input.file));
-    keep(&cache, &learned);
+    save_learned(&cache, &learned);
 }
 
 /// Keeps what was learned. What cannot be kept is learned again.
-fn keep(cache: &Cache, learned: &[(Arc<Input>, Vec<Option<RawBounds>>)]) {
+fn save_learned(cache: &Cache, learned: &[(Arc<Input>, Vec<Option<RawBounds>>)]) {
     let kept = learned.iter().try_for_each(|(input, bounds)| cache.save(&input.file, bounds));
     if let Err(error) = kept.and_then(|()| if learned.is_empty() { Ok(()) } else { cache.tidy() }) {
         tracing::debug!("what was learned of files cannot be kept: {error}");

@@ -16,7 +16,7 @@ use crate::ingest::bins::Core;
 use crate::ingest::budget::Shares;
 use crate::ingest::builds::{Builds, OpenInput, Progress};
 use crate::ingest::changes::{Change, Changes};
-use crate::ingest::feed::{Arrival, Feed, News};
+use crate::ingest::feed::{Arrival, Feed, Notice};
 use crate::ingest::sparse;
 use crate::section::{Payload, PayloadKey, PayloadKind};
 use crate::source::learned::Cache;
@@ -101,7 +101,7 @@ pub struct Live {
 
 /// Where all files that are shown lie, and the level of a sparse sample of them.
 fn domain_of(grid: &Grid, builds: &Builds) -> (Domain, u8) {
-    let shown = || builds.sources().iter().filter(|source| source.shown);
+    let shown = || builds.sources().iter().filter(|source| source.visible);
     let extents: Vec<_> = shown().filter_map(|source| source.extent).collect();
     let cells: f64 = extents
         .iter()
@@ -133,7 +133,7 @@ impl Live {
         let (domain, level) = domain_of(&grid, &builds);
         let mut feed = Feed::new(builds, grid, core, shares);
         // Nobody else holds it before the threads are started.
-        feed.hold().sample(level);
+        feed.lock().sample(level);
         feed.start(threads, wake);
         let mut live = Live {
             feed,
@@ -198,7 +198,7 @@ impl Live {
             return;
         }
         let known = self.payloads.known();
-        let Some(mut held) = self.feed.try_hold() else { return };
+        let Some(mut held) = self.feed.try_lock() else { return };
         let touched = self.changes.apply(&mut held, &known);
         let (domain, level) = domain_of(&self.grid, held.builds());
         held.sample(level);
@@ -238,7 +238,7 @@ impl Live {
         self.sample.is_there |= self.feed.is_sampled();
         // A correction that has come meanwhile takes something away that seems to be there.
         let failed = self.feed.failed().is_some();
-        let is_settled = !self.changes.is_pending() && !self.feed.has_news() && !failed;
+        let is_settled = !self.changes.is_pending() && !self.feed.has_notices() && !failed;
         let complete = self.sample.is_there && self.missing(scene) == 0 && is_settled;
         Ok(Tick { changed, complete, stuck: self.stuck, failed })
     }
@@ -301,7 +301,7 @@ impl Live {
         let Arrival { key, payload, damaged, .. } = arrival;
         let is_sample = key.kind == PayloadKind::Sample;
         if !is_sample {
-            self.feed.taken(key);
+            self.feed.received(key);
         }
         if outdated || is_sample && key.section.level != self.sample.level {
             // Who requested it is to request it again.
@@ -378,10 +378,10 @@ impl Live {
     fn request(&mut self, scene: &Scene) {
         let missing = policy::requests(self.demand.wanted(), &self.payloads.on(scene));
         if missing != self.requested {
-            self.feed.want(missing.clone());
+            self.feed.request(missing.clone());
             self.requested = missing;
         }
-        self.feed.nudge();
+        self.feed.wake();
     }
 
     /// Begins to read nothing more, or goes on: where one picture matters more than the next.
@@ -462,11 +462,11 @@ impl Live {
 
     fn take_news(&mut self) {
         let mut corrected = Vec::new();
-        for news in self.feed.news() {
-            match news {
-                News::Error(error) => self.errors.push(error),
-                News::Warning(warning) => self.warnings.push(warning),
-                News::Corrected(source) => corrected.push(source),
+        for notice in self.feed.notices() {
+            match notice {
+                Notice::Error(error) => self.errors.push(error),
+                Notice::Warning(warning) => self.warnings.push(warning),
+                Notice::Corrected(source) => corrected.push(source),
             }
         }
         if !corrected.is_empty() {
