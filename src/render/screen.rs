@@ -1,7 +1,7 @@
 //! The picture in a window: one sample after the other while nothing changes, a band of rows a frame, and what lies
 //! under the cursor.
 
-use super::frame::{Band, FrameError, Hit, Rays, Renderer, View, carry, sample_at};
+use super::frame::{Band, FrameError, HitRecord, Rays, Renderer, View, derive_colors, halves, sample_at};
 use crate::gpu::{
     Buffer, BufferCopy, Commands, ComputePipeline, GpuError, MemoryKind, Picture, QueueKind, Recipe,
     SyncPoint, Timestamps, shaders,
@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// Threads of a workgroup of `shaders/screen.comp`.
 const GROUP: u32 = 64;
 /// Bytes of a hit record.
-const HIT_BYTES: u64 = size_of::<Hit>() as u64;
+const HIT_BYTES: u64 = size_of::<HitRecord>() as u64;
 /// Bands start at multiples of this many rows, the side of the widest beams.
 const ROWS: u32 = 64;
 
@@ -99,10 +99,6 @@ pub struct Screen {
     clocked: Option<u64>,
 }
 
-fn halves(address: u64) -> [u32; 2] {
-    [address as u32, (address >> 32) as u32]
-}
-
 /// The program of pictures in a window, beside those of [`super::frame::recipes`].
 pub fn recipe() -> Recipe {
     let push_bytes = size_of::<Push>() as u32;
@@ -131,9 +127,9 @@ impl Screen {
         self.work.as_ref().map_or(0, |work| work.sample)
     }
 
-    /// Lets the scene carry what `view` colours by; before the frame begins.
+    /// Has the scene derive what `view` colours by; before the frame begins.
     pub fn prepare(&self, scene: &mut Scene, view: &View) -> Result<(), GpuError> {
-        carry(scene, view)
+        derive_colors(scene, view)
     }
 
     /// Records the next band of `view`, whose size is that of [`Screen::start`], in frame `slot`: at most `rows` rows
@@ -284,7 +280,7 @@ impl Screen {
                 continue;
             }
             let (Some(asked), Some(back)) = (slot.asked.take(), &slot.back) else { continue };
-            let mut hit = Hit::zeroed();
+            let mut hit = HitRecord::zeroed();
             scene.order.read(point, back, 0, bytemuck::bytes_of_mut(&mut hit))?;
             let class = u8::try_from(hit.bits & 0x1FF).ok();
             let place = class.map(|class| {

@@ -1,0 +1,294 @@
+//! What host and shaders both know of a frame, word by word: constants, push constants and hit records.
+
+use super::options::{Background, Shade, View};
+use super::rays::{Origins, Rays};
+use crate::attribute::ColorMode;
+use crate::coords::{Grid, Height};
+use crate::gpu::Buffer;
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// Mirrors `Frame` in `shaders/frame.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub(crate) struct FrameConstants {
+    pub(crate) table: [u32; 2],
+    pub(crate) hits: [u32; 2],
+    pub(crate) colors: [u32; 2],
+    pub(crate) ramp: [u32; 2],
+    pub(crate) beams: [u32; 2],
+    pub(crate) wide_beams: [u32; 2],
+    pub(crate) table_mask: u32,
+    pub(crate) top_level: i32,
+    pub(crate) section_level: i32,
+    pub(crate) low: [i32; 2],
+    pub(crate) high: [i32; 2],
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) origin_int: [i32; 3],
+    pub(crate) origin_fraction: [u32; 3],
+    pub(crate) right_int: [i32; 3],
+    pub(crate) right_fraction: [u32; 3],
+    pub(crate) down_int: [i32; 3],
+    pub(crate) down_fraction: [u32; 3],
+    pub(crate) depth: f32,
+    pub(crate) forward: [f32; 3],
+    pub(crate) right: [f32; 3],
+    pub(crate) down: [f32; 3],
+    pub(crate) to_local: [f32; 3],
+    pub(crate) origin_step: f32,
+    pub(crate) height_anchor: i32,
+    pub(crate) shade: u32,
+    pub(crate) color_source: u32,
+    pub(crate) range_low: u32,
+    pub(crate) range_scale: f32,
+    pub(crate) cell_steps: f32,
+    pub(crate) sun: [f32; 3],
+    pub(crate) background: u32,
+    pub(crate) floor: f32,
+}
+
+impl FrameConstants {
+    /// What `view` alone says: places, table and window are left 0.
+    pub(crate) fn new(view: &View, rays: &Rays, grid: &Grid, height_anchor: Height) -> FrameConstants {
+        let cell = grid.cell();
+        let Origins { origin, right, down, step } = rays.origins;
+        let (origin_int, origin_fraction) = parts(origin);
+        let (right_int, right_fraction) = parts(right.map(|step| step * 16));
+        let (down_int, down_fraction) = parts(down.map(|step| step * 16));
+        let to_local =
+            DVec3::new(1.0 / cell, 1.0 / cell, 1.0 / (grid.height_step * view.z_scale)) * rays.unit;
+        // From the north-west, 45° high, as on maps.
+        let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
+        FrameConstants {
+            width: view.size[0],
+            height: view.size[1],
+            origin_int,
+            origin_fraction,
+            right_int,
+            right_fraction,
+            down_int,
+            down_fraction,
+            depth: (rays.shown.advanced() / rays.unit) as f32,
+            forward: rays.shown.d0.as_vec3().to_array(),
+            right: (rays.shown.dx / 16.0).as_vec3().to_array(),
+            down: (rays.shown.dy / 16.0).as_vec3().to_array(),
+            to_local: to_local.as_vec3().to_array(),
+            origin_step: step as f32,
+            height_anchor: height_anchor.0,
+            shade: u32::from(view.shade == Shade::Lit),
+            color_source: match view.colors.mode {
+                ColorMode::Rgb => 0,
+                ColorMode::Height => 1,
+                ColorMode::Class => 2,
+                ColorMode::Intensity => 3,
+                ColorMode::Return => 4,
+            },
+            range_low: view.colors.lo,
+            range_scale: view.colors.scale,
+            cell_steps: (grid.cell_steps(0) / view.z_scale) as f32,
+            sun: sun.as_vec3().to_array(),
+            background: match view.background {
+                Background::None => 0,
+                Background::White => 1,
+                Background::Sky => 2,
+            },
+            floor: match view.shade {
+                Shade::None => f32::NEG_INFINITY,
+                Shade::Lit => (view.floor / grid.height_step - f64::from(height_anchor.0)) as f32,
+            },
+            ..FrameConstants::zeroed()
+        }
+    }
+}
+
+impl FrameConstants {
+    /// The same over what the thesis' kernel reads: heights, hits, image and colours; log2 of the section's side;
+    /// its coarsest level; where it lies.
+    pub(crate) fn over(
+        self,
+        [heights, hits, image, colors]: [&Buffer; 4],
+        side_log2: u32,
+        top_level: i32,
+        [low, high]: [[i32; 2]; 2],
+    ) -> FrameConstants {
+        FrameConstants {
+            table: halves(heights.address()),
+            hits: halves(hits.address()),
+            colors: halves(image.address()),
+            ramp: halves(colors.address()),
+            table_mask: side_log2,
+            top_level,
+            low,
+            high,
+            ..self
+        }
+    }
+}
+
+/// Mirrors the push constants of `shaders/frame.glsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+pub(crate) struct Push {
+    sample_at: [i32; 2],
+    sample_index: u32,
+    sample_weight: f32,
+    first_row: u32,
+    rows: u32,
+    origin_int: [i32; 3],
+    origin_fraction: [u32; 3],
+}
+
+impl Push {
+    /// One sample of every pixel of `rows` rows from `first_row` on, under `constants`.
+    pub(crate) fn new(
+        constants: &FrameConstants,
+        [sample, samples]: [u32; 2],
+        [first_row, rows]: [u32; 2],
+    ) -> Push {
+        let sample_at = sample_at(sample, samples);
+        let [origin, right, down] = [
+            joined(constants.origin_int, constants.origin_fraction),
+            joined(constants.right_int, constants.right_fraction),
+            joined(constants.down_int, constants.down_fraction),
+        ];
+        let sixteenth = |step: [i64; 3]| step.map(|bits| bits >> 4);
+        let origin = added(origin, sixteenth(right), sample_at[0].into());
+        let (origin_int, origin_fraction) = parts(added(origin, sixteenth(down), sample_at[1].into()));
+        let sample_weight = 1.0 / samples as f32;
+        Push { sample_at, sample_index: sample, sample_weight, first_row, rows, origin_int, origin_fraction }
+    }
+
+    /// One sample of every pixel, in its centre.
+    pub(crate) fn whole(constants: &FrameConstants) -> Push {
+        Push::new(constants, [0, 1], [0, constants.height])
+    }
+}
+
+/// Mirrors a hit record after shading.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+pub(in super::super) struct HitRecord {
+    pub(super) t: f32,
+    /// Class (256: a miss) | origin << 9 | face << 12.
+    pub(in super::super) bits: u32,
+    /// Nodes that the traversal looked at.
+    pub(super) steps: u32,
+    /// Lattice steps from the anchor.
+    pub(super) top: i32,
+}
+
+const FACE_TOP: u32 = 0;
+
+/// What the ray of pixel (px, py) has hit: distance from the eye as shown, and U; heights count from `anchor`.
+pub(super) fn distance_and_height(
+    Rays { shown, through, unit, .. }: &Rays,
+    hit: &HitRecord,
+    [px, py]: [f64; 2],
+    grid: &Grid,
+    anchor: Height,
+) -> [f64; 2] {
+    let t = f64::from(hit.t) * unit;
+    let height = if hit.bits >> 12 == FACE_TOP {
+        grid.units(Height(hit.top.wrapping_add(anchor.0)))
+    } else {
+        let along = through.direction(px, py).z / through.length(px, py);
+        through.origin(px, py).z + t * along
+    };
+    [shown.distance_eye_to_plane(px, py) + t, height]
+}
+
+/// An address as shaders have it: low word, high word.
+pub(crate) fn halves(address: u64) -> [u32; 2] {
+    [address as u32, (address >> 32) as u32]
+}
+
+/// `a + n · b`.
+fn added(a: [i64; 3], b: [i64; 3], n: i64) -> [i64; 3] {
+    std::array::from_fn(|axis| a[axis].wrapping_add(b[axis].wrapping_mul(n)))
+}
+
+/// Whole parts and fractions.
+fn parts(fixed: [i64; 3]) -> ([i32; 3], [u32; 3]) {
+    (fixed.map(|bits| (bits >> 32) as i32), fixed.map(|bits| bits as u32))
+}
+
+fn joined(int: [i32; 3], fraction: [u32; 3]) -> [i64; 3] {
+    std::array::from_fn(|axis| i64::from(int[axis]) << 32 | i64::from(fraction[axis]))
+}
+
+/// Where in a pixel its sample lies, sixteenths from the top left corner. One: the centre; more: a lattice
+/// that puts each into a row and a column of its own.
+pub(in super::super) fn sample_at(sample: u32, samples: u32) -> [i32; 2] {
+    if samples == 1 {
+        return [8, 8];
+    }
+    // The R2 sequence: low discrepancy for any count.
+    let at = |step: f64| ((0.5 + f64::from(sample) * step).fract() * 16.0) as i32;
+    match (samples, sample) {
+        (4, k) => [[6, 2], [14, 6], [2, 10], [10, 14]][k as usize],
+        _ => [at(0.754_877_666_246_693), at(0.569_840_290_998_053)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::layout::{assert_in, members};
+    use crate::resident::readers::{readers_of_tables, readers_of_texels};
+
+    #[test]
+    fn shaders_see_the_structs_as_they_are_written() {
+        let readers = readers_of_tables();
+        let constants = members!(FrameConstants {
+            table,
+            hits,
+            colors,
+            ramp,
+            beams,
+            wide_beams,
+            table_mask,
+            top_level,
+            section_level,
+            low,
+            high,
+            width,
+            height,
+            origin_int,
+            origin_fraction,
+            right_int,
+            right_fraction,
+            down_int,
+            down_fraction,
+            depth,
+            forward,
+            right,
+            down,
+            to_local,
+            origin_step,
+            height_anchor,
+            shade,
+            color_source,
+            range_low,
+            range_scale,
+            cell_steps,
+            sun,
+            background,
+            floor,
+        });
+        let texels = readers_of_texels();
+        assert_in(&readers, &constants);
+        assert_in(&texels, &constants);
+        let push = members!(Push {
+            sample_at,
+            sample_index,
+            sample_weight,
+            first_row,
+            rows,
+            origin_int,
+            origin_fraction
+        });
+        assert_in(&readers, &push);
+        assert_in(&texels, &push);
+    }
+}

@@ -1,0 +1,258 @@
+//! The pipelines of a frame's passes: which there are, for each way to the pool, and how they are specialised.
+
+use super::bands::Band;
+use super::mirrors::Push;
+use super::options::{Logged, PassOptions, Shade, TILE, Traversal, View, WIDE_TILE};
+use crate::attribute::ColorMode;
+#[cfg(feature = "view")]
+use crate::gpu::DeviceKind;
+use crate::gpu::{BindingKind, ComputePipeline, Gpu, GpuError, Recipe, shaders};
+use crate::resident::pool::Access;
+use std::collections::HashMap;
+
+/// What the passes are given where the pool is a storage buffer: pool, table, constants, hits, colours, ramp, beams,
+/// wide beams.
+const fn buffers(constants: BindingKind) -> [BindingKind; 8] {
+    let mut all = [BindingKind::Storage; 8];
+    all[2] = constants;
+    all
+}
+
+/// And where it is read as texels: constants, pool, table, beams.
+const fn texels(constants: BindingKind) -> [BindingKind; 4] {
+    let mut all = [BindingKind::Texels; 4];
+    all[0] = constants;
+    all
+}
+
+/// What a pass is given, with each [`Access`].
+struct Bindings {
+    by_address: [BindingKind; 1],
+    by_texels: [BindingKind; 4],
+    by_buffer: [BindingKind; 8],
+}
+
+impl Bindings {
+    const fn new(constants: BindingKind) -> Bindings {
+        Bindings { by_address: [constants], by_texels: texels(constants), by_buffer: buffers(constants) }
+    }
+}
+
+/// Constants in a uniform block; and, where `shaders/frame.glsl` says so by `FRAME_STORED`, in a storage buffer.
+static UNIFORM: Bindings = Bindings::new(BindingKind::Uniform);
+static STORED: Bindings = Bindings::new(BindingKind::Storage);
+
+/// A pass's program for each [`Access`].
+struct Variants {
+    bindings: &'static Bindings,
+    by_address: &'static [u32],
+    by_texels: &'static [u32],
+    by_buffer: &'static [u32],
+}
+
+macro_rules! variants {
+    ($bindings:ident, $address:ident, $texels:ident, $buffer:ident) => {
+        Variants {
+            bindings: &$bindings,
+            by_address: shaders::$address,
+            by_texels: shaders::$texels,
+            by_buffer: shaders::$buffer,
+        }
+    };
+}
+
+static BEAM: Variants = variants!(UNIFORM, BEAM, BEAM_TEXELS, BEAM_SSBO);
+static TRACE: Variants = variants!(STORED, TRACE, TRACE_TEXELS, TRACE_SSBO);
+static EXACT: Variants = variants!(UNIFORM, EXACT, EXACT_TEXELS, EXACT_SSBO);
+static PLAIN: Variants = variants!(UNIFORM, PLAIN, PLAIN_TEXELS, PLAIN_SSBO);
+static SHADE: Variants = variants!(STORED, SHADE, SHADE_TEXELS, SHADE_SSBO);
+
+impl Variants {
+    fn recipe(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> Recipe {
+        let (words, bindings) = match access {
+            Access::Address => (self.by_address, &self.bindings.by_address[..]),
+            Access::Texels => (self.by_texels, &self.bindings.by_texels[..]),
+            Access::StorageBuffer => (self.by_buffer, &self.bindings.by_buffer[..]),
+        };
+        Recipe { name, words, constants, push_bytes: size_of::<Push>() as u32, bindings }
+    }
+}
+
+/// A program for exact pictures: only what they need is in it.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+struct Exact {
+    ramped: bool,
+    screen: bool,
+}
+
+/// Of the specialisation constants of `shaders/frame.glsl` and `shaders/trace.glsl`.
+const DEALT: u32 = 5;
+const BEAMED: u32 = 6;
+
+/// The passes that are there from the start: wide beams, beams, trace, shade.
+fn passes(access: Access, options: PassOptions) -> [Recipe; 4] {
+    let shared = |[x, y]: [u32; 2]| vec![(0, x), (1, y), (DEALT, u32::from(options.dealt))];
+    let beams = |name, side: u32, before: u32| {
+        let sides = [(2, side), (3, before)];
+        BEAM.recipe(name, access, [shared(options.beam_group), sides.to_vec()].concat())
+    };
+    let trace = [shared(options.group), vec![(BEAMED, u32::from(options.beams))]].concat();
+    let [mut wide_beams, mut beams] = [beams("wide beams", WIDE_TILE, 0), beams("beams", TILE, WIDE_TILE)];
+    match options.logged {
+        Some(Logged::WideBeams) => wide_beams.words = shaders::BEAM_LOGGED,
+        Some(Logged::Beams) => beams.words = shaders::BEAM_LOGGED,
+        Some(Logged::Trace) | None => {}
+    }
+    [
+        wide_beams,
+        beams,
+        TRACE.recipe("trace", access, trace),
+        SHADE.recipe("shade", access, shared(options.group)),
+    ]
+}
+
+impl Exact {
+    fn recipe(self, access: Access, options: PassOptions) -> Recipe {
+        let Exact { ramped, screen } = self;
+        let PassOptions { group, dealt, beams, .. } = options;
+        let flags = [(3, ramped), (4, screen), (DEALT, dealt), (BEAMED, beams)];
+        let flags = flags.map(|(id, on)| (id, u32::from(on)));
+        let mut recipe =
+            EXACT.recipe("exact", access, [&[(0, group[0]), (1, group[1])], &flags[..]].concat());
+        if options.logged == Some(Logged::Trace) {
+            recipe.words = shaders::EXACT_LOGGED;
+        }
+        recipe
+    }
+}
+
+fn plain(access: Access, options: PassOptions) -> Recipe {
+    let [x, y] = options.group;
+    let mut recipe = PLAIN.recipe("plain", access, vec![(0, x), (1, y)]);
+    if options.logged == Some(Logged::Trace) {
+        recipe.words = shaders::PLAIN_LOGGED;
+    }
+    recipe
+}
+
+impl PassOptions {
+    /// The pipelines of an image's passes, in their order.
+    pub fn recipes(self, access: Access, traversal: Traversal, shade: Shade) -> Vec<Recipe> {
+        let [wide_beams, beams, trace, shading] = passes(access, self);
+        let mut recipes = match traversal {
+            Traversal::Fast if self.beams => vec![wide_beams, beams],
+            _ => Vec::new(),
+        };
+        match (traversal, shade) {
+            (Traversal::Fast, Shade::None) => {
+                recipes.push(Exact { ramped: false, screen: true }.recipe(access, self));
+            }
+            (Traversal::Fast, Shade::Lit) => recipes.extend([trace, shading]),
+            (Traversal::Plain, _) => recipes.extend([plain(access, self), shading]),
+        }
+        recipes
+    }
+}
+
+/// A pass of a frame: what it is called where it is timed, its pipeline, and its workgroups.
+pub(super) struct Pass {
+    pub name: &'static str,
+    pub pipeline: ComputePipeline,
+    pub groups: [u32; 3],
+}
+
+/// Pipelines that one renderer draws with.
+pub(super) struct FramePipelines {
+    wide_beams: ComputePipeline,
+    beams: ComputePipeline,
+    trace: ComputePipeline,
+    /// Made when first used.
+    plain: Option<ComputePipeline>,
+    shade: ComputePipeline,
+    /// Trace and exact colours in one; made when first used.
+    exact: HashMap<Exact, ComputePipeline>,
+    access: Access,
+    options: PassOptions,
+}
+
+impl FramePipelines {
+    pub fn new(gpu: &Gpu, access: Access, options: PassOptions) -> Result<FramePipelines, GpuError> {
+        let [wide_beams, beams, trace, shade] = passes(access, options).map(|recipe| recipe.make(gpu));
+        Ok(FramePipelines {
+            wide_beams: wide_beams?,
+            beams: beams?,
+            trace: trace?,
+            plain: None,
+            shade: shade?,
+            exact: HashMap::new(),
+            access,
+            options,
+        })
+    }
+
+    /// The passes of `band` of `view` in their order; those of the beams are left out where `has_beams`.
+    pub fn passes(
+        &mut self,
+        gpu: &Gpu,
+        view: &View,
+        band: Band,
+        has_beams: bool,
+    ) -> Result<Vec<Pass>, GpuError> {
+        let groups = |[x, y]: [u32; 2], side: u32| {
+            [view.size[0].div_ceil(side).div_ceil(x), band.rows.div_ceil(side).div_ceil(y), 1]
+        };
+        let (tiles, pixels) = (|side| groups(self.options.beam_group, side), groups(self.options.group, 1));
+        let mut passes = vec![];
+        let mut add = |name, pipeline, groups| passes.push(Pass { name, pipeline, groups });
+        if view.traversal == Traversal::Fast && self.options.beams && !has_beams {
+            add("wide beams", self.wide_beams.clone(), tiles(WIDE_TILE));
+            add("beams", self.beams.clone(), tiles(TILE));
+        }
+        match (view.traversal, view.shade) {
+            (Traversal::Fast, Shade::None) => {
+                let exact = Exact { ramped: view.colors.mode != ColorMode::Rgb, screen: band.screen };
+                add("trace", self.exact(gpu, exact)?, pixels);
+            }
+            (traversal, _) => {
+                let trace = if traversal == Traversal::Fast { self.trace.clone() } else { self.plain(gpu)? };
+                add("trace", trace, pixels);
+                add("shade", self.shade.clone(), pixels);
+            }
+        }
+        if let Some(logged) = self.options.logged {
+            passes.truncate(match logged {
+                Logged::WideBeams => 1,
+                Logged::Beams => 2,
+                // Nor is the log coloured.
+                Logged::Trace => passes.len() - passes.iter().filter(|pass| pass.name == "shade").count(),
+            });
+        }
+        Ok(passes)
+    }
+
+    /// The pipeline for exact images that need so much.
+    fn exact(&mut self, gpu: &Gpu, exact: Exact) -> Result<ComputePipeline, GpuError> {
+        if let Some(pipeline) = self.exact.get(&exact) {
+            return Ok(pipeline.clone());
+        }
+        let pipeline = exact.recipe(self.access, self.options).make(gpu)?;
+        self.exact.insert(exact, pipeline.clone());
+        Ok(pipeline)
+    }
+
+    fn plain(&mut self, gpu: &Gpu) -> Result<ComputePipeline, GpuError> {
+        if self.plain.is_none() {
+            self.plain = Some(plain(self.access, self.options).make(gpu)?);
+        }
+        Ok(self.plain.clone().expect("just made"))
+    }
+}
+
+/// Programs of a window's pictures: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
+/// and pictures quick.
+#[cfg(feature = "view")]
+pub fn recipes(kind: DeviceKind, access: Access) -> [Vec<Recipe>; 2] {
+    let options = PassOptions::of(kind);
+    let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.recipe(access, options));
+    [passes(access, options).into(), exact.into()]
+}
