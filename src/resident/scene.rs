@@ -80,14 +80,14 @@ struct Version {
 /// A payload: the version that tables name, and the one on its way.
 #[derive(Default)]
 struct Resident {
-    live: Option<Version>,
-    coming: Option<Version>,
+    published: Option<Version>,
+    pending: Option<Version>,
 }
 
 impl Resident {
     /// The copy of the version on its way, if not all of it has been submitted.
     fn unsubmitted(&self) -> Option<Ticket> {
-        match &self.coming.as_ref()?.state {
+        match &self.pending.as_ref()?.state {
             State::Copying(ticket) if ticket.point().is_none() => Some(ticket.clone()),
             _ => None,
         }
@@ -232,7 +232,7 @@ impl Scene {
     fn add_version(&mut self, key: PayloadKey, version: Version) {
         self.counters.section_bytes += version.layout.uploaded_bytes();
         self.counters.sections += 1;
-        let overtaken = self.sections.entry(key).or_default().coming.replace(version);
+        let overtaken = self.sections.entry(key).or_default().pending.replace(version);
         if let Some(old) = overtaken {
             self.release(old);
         }
@@ -274,7 +274,7 @@ impl Scene {
                 // Its pieces may still be on their way into the slot.
                 self.transfer.give_up(&ticket, self.submits.last_copy);
             }
-            resident.live.into_iter().chain(resident.coming).for_each(|version| self.release(version));
+            resident.published.into_iter().chain(resident.pending).for_each(|version| self.release(version));
         }
         Ok(())
     }
@@ -291,7 +291,7 @@ impl Scene {
         self.transfer.advance(queue!(self))?;
         let (mut copied, mut done) = (Vec::new(), Vec::new());
         for (&key, resident) in &self.sections {
-            match resident.coming.as_ref().map(|version| &version.state) {
+            match resident.pending.as_ref().map(|version| &version.state) {
                 Some(State::Copying(ticket)) => {
                     if let Some(point) = ticket.point()
                         && self.order.reached(point)?
@@ -305,9 +305,9 @@ impl Scene {
         }
         for key in done {
             let resident = self.sections.get_mut(&key).expect("just seen");
-            let mut version = resident.coming.take().expect("just seen");
+            let mut version = resident.pending.take().expect("just seen");
             version.state = State::Published;
-            if let Some(old) = resident.live.replace(version) {
+            if let Some(old) = resident.published.replace(version) {
                 self.release(old);
             }
             self.generation += 1;
@@ -317,13 +317,13 @@ impl Scene {
         }
         let points: Vec<_> = copied.iter().map(|&(_, point)| point).collect();
         let fresh: BTreeSet<_> = copied.into_iter().map(|(key, _)| key).collect();
-        let own: Vec<_> = fresh.iter().filter_map(|&key| self.task_of_coming(key, &fresh)).collect();
+        let own: Vec<_> = fresh.iter().filter_map(|&key| self.task_of_pending(key, &fresh)).collect();
         let all = self.tasks(&self.changed_by(fresh.iter().copied()), &fresh);
         self.derive([&own, &all], &points)?;
         // What follows on this queue comes after it.
         let built = self.submits.last_build.expect("just submitted");
         for key in fresh {
-            if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.coming.as_mut()) {
+            if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.pending.as_mut()) {
                 version.state = State::Building(built);
             }
         }
@@ -359,10 +359,11 @@ impl Scene {
         let mut tasks = Vec::new();
         for (key, &changed) in changed {
             let Some(resident) = self.sections.get(key) else { continue };
-            let coming = resident.coming.as_ref().filter(|v| is_built(key, v));
+            let pending = resident.pending.as_ref().filter(|v| is_built(key, v));
             // Columns of the version that tables name stay as they are when another comes.
-            let of_live = if fresh.contains(key) { changed.of_neighbours() } else { changed };
-            let versions = resident.live.iter().map(|v| (v, of_live)).chain(coming.map(|v| (v, changed)));
+            let of_published = if fresh.contains(key) { changed.of_neighbours() } else { changed };
+            let versions =
+                resident.published.iter().map(|v| (v, of_published)).chain(pending.map(|v| (v, changed)));
             for (version, changed) in versions.filter(|(_, changed)| !changed.is_empty()) {
                 tasks.push(self.task(*key, version, changed, &is_built));
             }
@@ -380,7 +381,7 @@ impl Scene {
         let pool = self.transfer.pool();
         let newest = |key: PayloadKey| -> Option<&Version> {
             let resident = self.sections.get(&key)?;
-            resident.coming.as_ref().filter(|v| is_built(&key, v)).or(resident.live.as_ref())
+            resident.pending.as_ref().filter(|v| is_built(&key, v)).or(resident.published.as_ref())
         };
         let derived = |v: &Version| {
             let [x, y] = pool.place(&v.slots.derived, 0);
@@ -402,8 +403,8 @@ impl Scene {
     }
 
     /// The task of the version of `key` that is on its way.
-    fn task_of_coming(&self, key: PayloadKey, fresh: &BTreeSet<PayloadKey>) -> Option<Task> {
-        let version = self.sections.get(&key)?.coming.as_ref()?;
+    fn task_of_pending(&self, key: PayloadKey, fresh: &BTreeSet<PayloadKey>) -> Option<Task> {
+        let version = self.sections.get(&key)?.pending.as_ref()?;
         let is_built =
             |key: &PayloadKey, v: &Version| !matches!(v.state, State::Copying(_)) || fresh.contains(key);
         Some(self.task(key, version, Changed::ITSELF, &is_built))
@@ -412,8 +413,8 @@ impl Scene {
     /// Waits until the device is through with all copies and builds submitted so far.
     pub fn wait(&mut self) -> Result<(), GpuError> {
         self.flush()?;
-        let coming = self.sections.values().filter_map(|r| r.coming.as_ref()?.state.point());
-        let points: HashSet<_> = coming.chain(self.submits.last_build).collect();
+        let pending = self.sections.values().filter_map(|r| r.pending.as_ref()?.state.point());
+        let points: HashSet<_> = pending.chain(self.submits.last_build).collect();
         points.into_iter().try_for_each(|point| self.order.wait(point))
     }
 
@@ -421,7 +422,7 @@ impl Scene {
     pub fn settle(&mut self) -> Result<(), GpuError> {
         loop {
             self.advance()?;
-            let next = self.sections.values().filter_map(|r| r.coming.as_ref()?.state.point());
+            let next = self.sections.values().filter_map(|r| r.pending.as_ref()?.state.point());
             match next.max_by_key(|p| p.value()) {
                 Some(point) => self.order.wait(point)?,
                 None if self.transfer.is_in_pieces() => self.transfer.wait_for_ring(queue!(self))?,
@@ -455,9 +456,9 @@ impl Scene {
         self.derive([&all, &all], &[])
     }
 
-    /// Reads a live section back. For tests; waits.
+    /// Reads a published section back. For tests; waits.
     pub fn read(&mut self, key: impl Into<PayloadKey>) -> Result<Option<ReadBack>, GpuError> {
-        let Some(version) = self.sections.get(&key.into()).and_then(|r| r.live.as_ref()) else {
+        let Some(version) = self.sections.get(&key.into()).and_then(|r| r.published.as_ref()) else {
             return Ok(None);
         };
         let layout = version.layout;
@@ -479,28 +480,28 @@ impl Scene {
         Ok(Some(ReadBack { layout, uploaded, derived }))
     }
 
-    /// The highest thing that is shown of a live section.
+    /// The highest thing that is shown of a published section.
     fn highest(&self, key: PayloadKey) -> Option<Height> {
-        let version = self.sections.get(&key)?.live.as_ref()?;
+        let version = self.sections.get(&key)?.published.as_ref()?;
         let shown = version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
         shown.map(|(_, _, h)| *h).max()
     }
 
-    /// Whether tables have nothing to name: no live section shows anything.
+    /// Whether tables have nothing to name: no published section shows anything.
     pub fn shows_nothing(&self) -> bool {
         self.sections.keys().all(|&key| self.highest(key).is_none())
     }
 
-    /// Kinds of points in live sections, shown or not.
+    /// Kinds of points in published sections, shown or not.
     pub fn kinds(&self) -> Kinds {
-        let versions = self.sections.values().filter_map(|resident| resident.live.as_ref());
+        let versions = self.sections.values().filter_map(|resident| resident.published.as_ref());
         versions
             .flat_map(|version| &version.highest_of)
             .map(|&(class, withheld, _)| (class, withheld))
             .collect()
     }
 
-    /// What a table may name now: live sections that show anything, in key order.
+    /// What a table may name now: published sections that show anything, in key order.
     pub fn entries(&self) -> Vec<Entry> {
         self.entries_of(self.sections.keys().map(|&key| (key.section, key)))
     }
@@ -510,7 +511,7 @@ impl Scene {
     pub fn entries_of(&self, shown: impl IntoIterator<Item = (SectionKey, PayloadKey)>) -> Vec<Entry> {
         let highest = |key: &PayloadKey| self.highest(*key);
         let entry = |(at, key): (SectionKey, PayloadKey)| {
-            let version = self.sections.get(&key)?.live.as_ref()?;
+            let version = self.sections.get(&key)?.published.as_ref()?;
             // Bridges rise no higher than what they lead to, which may be a neighbour's.
             let top = match self.visibility.bridge {
                 0 => highest(&key)?,
@@ -526,7 +527,7 @@ impl Scene {
 
     /// Whether tables may name a section.
     pub fn is_live(&self, key: impl Into<PayloadKey>) -> bool {
-        self.sections.get(&key.into()).is_some_and(|resident| resident.live.is_some())
+        self.sections.get(&key.into()).is_some_and(|resident| resident.published.is_some())
     }
 
     /// A number that changes whenever tables may name other things.
@@ -536,18 +537,18 @@ impl Scene {
 
     /// Whether a version of a section is on its way.
     pub fn is_coming(&self, key: impl Into<PayloadKey>) -> bool {
-        self.sections.get(&key.into()).is_some_and(|resident| resident.coming.is_some())
+        self.sections.get(&key.into()).is_some_and(|resident| resident.pending.is_some())
     }
 
     /// Whether versions are on their way.
     pub fn is_busy(&self) -> bool {
-        self.sections.values().any(|resident| resident.coming.is_some())
+        self.sections.values().any(|resident| resident.pending.is_some())
     }
 
     /// Bytes of the pool that a section takes.
     pub fn bytes_of(&self, key: impl Into<PayloadKey>) -> u64 {
         let versions =
-            self.sections.get(&key.into()).into_iter().flat_map(|r| r.live.iter().chain(&r.coming));
+            self.sections.get(&key.into()).into_iter().flat_map(|r| r.published.iter().chain(&r.pending));
         versions.map(|version| device_bytes(&version.layout)).sum()
     }
 
@@ -556,7 +557,7 @@ impl Scene {
         self.sections.keys().copied()
     }
 
-    /// Tells that a frame which could read every live section was submitted.
+    /// Tells that a frame which could read every published section was submitted.
     pub fn drawn(&mut self, frame: SyncPoint) {
         self.submits.last_frame = Some(frame);
     }
