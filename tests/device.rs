@@ -80,9 +80,9 @@ fn what_is_free_is_part_of_what_there_is() {
 }
 
 #[test]
-fn compiled_programs_are_kept() {
+fn compiled_pipelines_are_kept() {
     for setup in [LAVAPIPE, SWIFTSHADER] {
-        common::run("compiled_programs_are_kept", setup, |setup| {
+        common::run("compiled_pipelines_are_kept", setup, |setup| {
             let folder = tempfile::tempdir().unwrap();
             let files = || -> Vec<PathBuf> {
                 fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect()

@@ -8,12 +8,13 @@ use ash::vk;
 
 #[cfg(feature = "view")]
 use super::acquired::Acquired;
+use super::binding::Binding;
 use super::device::Gpu;
 use super::error::{GpuError, Result};
 use super::kinds::QueueKind;
 use super::lock::lock;
 use super::memory::Buffer;
-use super::pipeline::{Binding, ComputePipeline};
+use super::pipeline::ComputePipeline;
 use super::sync::{Stage, Wait};
 
 /// One range of a copy, bytes.
@@ -171,7 +172,7 @@ impl Commands {
         unsafe { self.gpu().device().cmd_copy_buffer(self.handle(), from.handle(), to.handle(), &regions) };
     }
 
-    /// Chooses the program for the dispatches that follow.
+    /// Chooses the pipeline of the dispatches that follow.
     pub fn bind(&mut self, pipeline: &ComputePipeline) {
         self.keep(pipeline.clone());
         (self.layout, self.push_bytes) = (pipeline.layout(), pipeline.push_bytes());
@@ -180,7 +181,7 @@ impl Commands {
         unsafe { self.gpu().device().cmd_bind_pipeline(self.handle(), point, pipeline.handle()) };
     }
 
-    /// Gives the bound program its storage buffers.
+    /// Gives the bound pipeline its buffers.
     pub fn bind_buffers(&mut self, binding: &Binding) {
         self.keep(binding.clone());
         // SAFETY: the command buffer is being recorded; the set is kept until it is done, was made for
@@ -197,10 +198,10 @@ impl Commands {
         }
     }
 
-    /// Sets the push constants of the bound program, all of them.
+    /// Sets the push constants of the bound pipeline, all of them.
     ///
     /// # Panics
-    /// When `bytes` is not what the program declares.
+    /// When `bytes` is not what the pipeline declares.
     pub fn push(&mut self, bytes: &[u8]) {
         assert_eq!(bytes.len(), self.push_bytes as usize, "push constants of {}", self.name);
         let stage = vk::ShaderStageFlags::COMPUTE;
@@ -209,10 +210,10 @@ impl Commands {
         unsafe { self.gpu().device().cmd_push_constants(self.handle(), self.layout, stage, 0, bytes) };
     }
 
-    /// Runs the bound program on `groups` workgroups.
+    /// Runs the bound pipeline on `groups` workgroups.
     pub fn dispatch(&mut self, groups: [u32; 3]) {
         let [x, y, z] = groups;
-        // SAFETY: the command buffer is being recorded, and what the program reaches is kept.
+        // SAFETY: the command buffer is being recorded, and what the shader reaches is kept.
         unsafe { self.gpu().device().cmd_dispatch(self.handle(), x, y, z) };
     }
 

@@ -35,10 +35,10 @@ pub struct GpuOptions {
     pub validate: bool,
     /// Further layers by name, enabled after (that is: below) validation.
     pub layers: Vec<String>,
-    /// Lets the driver's compiler say what it made of programs, where it can: see
+    /// Lets the driver's compiler say what it made of shaders, where it can: see
     /// [`super::ComputePipeline::statistics`].
     pub statistics: bool,
-    /// Folder where compiled programs are kept from run to run; `None`: they are not.
+    /// Folder of the pipeline caches, which last from run to run; `None`: there is none.
     pub cache: Option<PathBuf>,
 }
 
@@ -186,7 +186,7 @@ impl Gpu {
         self.0.transfer.is_some()
     }
 
-    /// Whether programs can be asked for [`super::ComputePipeline::statistics`].
+    /// Whether pipelines can be asked for [`super::ComputePipeline::statistics`].
     pub fn has_statistics(&self) -> bool {
         self.0.statistics.is_some()
     }
@@ -196,7 +196,7 @@ impl Gpu {
         self.0.allocated_bytes.load(Ordering::Relaxed)
     }
 
-    /// Bytes of the device's own memory that the program may still take: what the driver says is left, where it has
+    /// Bytes of the device's own memory that this process may still take: what the driver says is left, where it has
     /// VK_EXT_memory_budget, else all there is.
     pub fn free_bytes(&self) -> u64 {
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
@@ -212,7 +212,7 @@ impl Gpu {
         free_bytes(heaps.memory_heaps_as_slice(), &budget.heap_budget, &budget.heap_usage)
     }
 
-    /// Of `asked` bytes for sections, what the device has beside pictures: at most 7/8 of what is free.
+    /// Of `asked` bytes for sections, what the device has beside images: at most 7/8 of what is free.
     pub fn bytes_for_sections(&self, asked: u64) -> u64 {
         asked.min(self.free_bytes() / 8 * 7)
     }

@@ -48,7 +48,7 @@ pub enum GpuError {
         /// What to install.
         hint: &'static str,
     },
-    /// Pictures cannot be shown in the window.
+    /// Images cannot be shown in the window.
     #[error("no window: {reason}")]
     NoWindow {
         /// Why.

@@ -1,4 +1,4 @@
-//! Buffers: the only kind of memory the program uses.
+//! Buffers: the only kind of memory that is used.
 
 use std::fmt;
 use std::mem::ManuallyDrop;
@@ -196,10 +196,10 @@ pub fn stream_words(to: &mut [u32], from: &[u32]) {
     {
         use std::arch::x86_64::{__m128i, _mm_loadu_si128, _mm_sfence, _mm_stream_si128};
         /// Words of a cache line.
-        const LINE: usize = 16;
+        const LINE_WORDS: usize = 16;
         let head = to.as_ptr().align_offset(64).min(to.len());
-        let lines = (to.len() - head) / LINE;
-        let (first, rest) = (head, head + lines * LINE);
+        let lines = (to.len() - head) / LINE_WORDS;
+        let (first, rest) = (head, head + lines * LINE_WORDS);
         to[..first].copy_from_slice(&from[..first]);
         to[rest..].copy_from_slice(&from[rest..]);
         let (into, out) = (to[first..rest].as_mut_ptr(), from[first..rest].as_ptr());
@@ -208,7 +208,7 @@ pub fn stream_words(to: &mut [u32], from: &[u32]) {
         unsafe {
             for line in 0..lines {
                 for part in 0..4 {
-                    let at = line * LINE + part * 4;
+                    let at = line * LINE_WORDS + part * 4;
                     let words = _mm_loadu_si128(out.add(at).cast::<__m128i>());
                     _mm_stream_si128(into.add(at).cast::<__m128i>(), words);
                 }

@@ -10,13 +10,14 @@
 //! | helpers of those who record | `ring`, `timestamps` |
 //! | the order between queues | `order` |
 //! | work, and when it is done | `command`, `timeline` |
-//! | what work uses | `pipeline`, `memory` |
+//! | what work uses | `binding`, `pipeline`, `memory` |
 //! | the device | `device`, `pipeline_cache`, `surface`, `physical`, `instance` |
 //! | plain values | `acquired`, `sync`, `error`, `kinds`, `lock`, `shaders` |
 #![allow(unsafe_code)]
 
 #[cfg(feature = "view")]
 mod acquired;
+mod binding;
 mod command;
 mod device;
 mod error;
@@ -44,6 +45,7 @@ mod timestamps;
 
 #[cfg(feature = "view")]
 pub use acquired::Acquired;
+pub use binding::{Binding, BindingCache};
 pub use command::{BufferCopy, Commands};
 pub use device::{Gpu, GpuOptions};
 pub use error::{GpuError, Result};
@@ -53,7 +55,7 @@ pub use order::{Edge, Event, Order};
 #[cfg(feature = "view")]
 pub use overlay::{Overlay, Picture};
 pub use physical::{DeviceInfo, DeviceKind, Limits, list_devices};
-pub use pipeline::{Binding, BindingCache, ComputePipeline, Executable, Recipe};
+pub use pipeline::{ComputePipeline, Executable, Recipe};
 pub use ring::UploadRing;
 #[cfg(feature = "view")]
 pub use surface::Window;

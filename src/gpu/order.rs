@@ -14,7 +14,7 @@
 //! 3. [`Order::begin_frame`] hands out one of a few table copies, when the frame that used it is done.
 //! 4. A copy into a slot waits for the last work that used the slot.
 //!
-//! Every wait and barrier of the program is emitted here, each named by an [`Edge`], and each is needed:
+//! Every wait and barrier is emitted here, each named by an [`Edge`], and each is needed:
 //! the tests take them out one by one. Where both kinds of work share one queue, waits are barriers.
 
 use std::any::Any;
@@ -37,9 +37,9 @@ use super::sync::{Stage, SyncPoint, Wait};
 use super::timeline::Timeline;
 
 /// Longer than any honest work: a device that takes longer has stopped.
-const HANG: Duration = Duration::from_secs(120);
+const HANG_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// The waits and barriers of the program.
+/// The waits and barriers between pieces of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Edge {
     /// A copy into a slot waits for the last work that read or wrote the slot.
@@ -341,7 +341,7 @@ impl Order {
 
     /// Waits until the work is done, 120 seconds at most.
     pub fn wait(&mut self, point: SyncPoint) -> Result<()> {
-        self.wait_for(point, HANG)
+        self.wait_for(point, HANG_TIMEOUT)
     }
 
     /// Waits until the work is done, or fails after `timeout`.
@@ -363,9 +363,9 @@ impl Order {
         self.timeline(point).retire(point.value, Box::new(thing));
     }
 
-    /// Submitted work and retired things that are not known to be done: what they use is held.
-    pub fn held(&self) -> usize {
-        self.timelines.iter().map(Timeline::held).sum()
+    /// Submitted work and retired things that are not known to be done: what they use is kept.
+    pub fn in_flight(&self) -> usize {
+        self.timelines.iter().map(Timeline::in_flight).sum()
     }
 
     /// Drops what is done; once a frame is enough. What the host has seen done anyway goes with every submit.
@@ -387,7 +387,7 @@ impl Order {
 
     fn host_wait(&mut self, edge: Edge, point: SyncPoint) -> Result<()> {
         if self.without != Some(edge) {
-            self.timeline(point).wait(point.value, HANG)?;
+            self.timeline(point).wait(point.value, HANG_TIMEOUT)?;
             self.note(Event::Seen { edge: Some(edge), point });
         }
         Ok(())

@@ -172,7 +172,7 @@ pub(super) struct QueuePlan {
 }
 
 impl QueuePlan {
-    /// `presents`: whether a family computes, draws and shows pictures; `None` where that does not matter.
+    /// `presents`: whether a family computes, draws and shows images; `None` where that does not matter.
     pub fn of(
         families: &[vk::QueueFamilyProperties],
         presents: impl Fn(u32) -> Option<bool>,
@@ -317,7 +317,7 @@ mod tests {
         let odd = [family(F::COMPUTE, 1), family(all, 1)];
         assert_eq!(plan(&odd), Some(QueuePlan { compute: 1, transfer: None }));
         assert_eq!(plan(&[family(F::COMPUTE, 1)]), Some(QueuePlan { compute: 0, transfer: None }));
-        // For a window, the family that shows pictures.
+        // For a window, the family that shows images.
         let window = |families: &[vk::QueueFamilyProperties]| QueuePlan::of(families, |f| Some(f == 1));
         assert_eq!(window(&[family(all, 1)]), None);
         let shown = Some(QueuePlan { compute: 1, transfer: None });

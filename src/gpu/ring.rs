@@ -9,8 +9,8 @@ use super::memory::Buffer;
 use super::order::{Edge, Order};
 use super::sync::SyncPoint;
 
-/// Copies start at multiples of this.
-const ALIGN: u64 = 16;
+/// Copies start at multiples of it.
+const ALIGN_BYTES: u64 = 16;
 
 /// A persistently mapped ring of bytes on their way to the device.
 ///
@@ -24,7 +24,7 @@ pub struct UploadRing {
 impl UploadRing {
     /// A ring of `size` bytes, rounded up to 16.
     pub fn new(gpu: &Gpu, name: &str, size: u64) -> Result<UploadRing> {
-        let size = size.next_multiple_of(ALIGN);
+        let size = size.next_multiple_of(ALIGN_BYTES);
         Ok(UploadRing { buffer: Buffer::new(gpu, name, MemoryKind::Upload, size)?, space: Space::new(size) })
     }
 
@@ -85,7 +85,7 @@ impl<P: Copy> Space<P> {
         if self.used == 0 {
             self.head = 0; // the whole ring in one piece
         }
-        let len = len.checked_next_multiple_of(ALIGN)?;
+        let len = len.checked_next_multiple_of(ALIGN_BYTES)?;
         // A piece lies in one stretch: what is left before the end of the ring is skipped.
         let skipped = if len > self.size - self.head { self.size - self.head } else { 0 };
         let taken = len.checked_add(skipped)?;
@@ -144,7 +144,7 @@ mod tests {
                     }
                     _ => {
                         if let Some(at) = space.reserve(len) {
-                            prop_assert!(at % ALIGN == 0 && at + len <= 1024);
+                            prop_assert!(at % ALIGN_BYTES == 0 && at + len <= 1024);
                             for (from, to, _) in &live {
                                 prop_assert!(at + len <= *from || at >= *to);
                             }

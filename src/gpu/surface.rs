@@ -17,7 +17,7 @@ pub(super) fn no_window(reason: impl ToString) -> GpuError {
     GpuError::NoWindow { reason: reason.to_string() }
 }
 
-/// What the instance must offer for pictures in `window`.
+/// What the instance must offer for images in `window`.
 pub(super) fn instance_extensions(window: &dyn Window) -> Result<Vec<&'static CStr>> {
     let display = window.display_handle().map_err(no_window)?;
     let names = ash_window::enumerate_required_extensions(display.as_raw()).map_err(no_window)?;
@@ -42,7 +42,7 @@ impl RawSurface {
         Ok(RawSurface { loader: khr::surface::Instance::new(entry, instance), handle })
     }
 
-    /// Which families of a device draw, compute and show pictures here.
+    /// Which families of a device draw, compute and show images here.
     pub fn families(&self, instance: &ash::Instance, physical: vk::PhysicalDevice) -> Vec<bool> {
         // SAFETY: the device was enumerated from this instance.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
@@ -54,7 +54,7 @@ impl RawSurface {
         (0..).zip(&families).map(|(k, f)| f.queue_flags.contains(all) && shows(k).unwrap_or(false)).collect()
     }
 
-    /// What a device lacks to show pictures here.
+    /// What a device lacks to show images here.
     pub fn missing(&self, instance: &ash::Instance, physical: vk::PhysicalDevice) -> Vec<&'static str> {
         // SAFETY: the device was enumerated from this instance.
         let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };

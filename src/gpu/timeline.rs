@@ -140,7 +140,7 @@ impl Timeline {
     }
 
     /// Things that are kept until the queue is past them.
-    pub fn held(&self) -> usize {
+    pub fn in_flight(&self) -> usize {
         self.retired.len()
     }
 

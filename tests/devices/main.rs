@@ -365,7 +365,7 @@ fn what_submits_use_is_given_back_while_a_picture_is_drawn() {
         let view = View { samples: 100, ..data.lit(&camera, [64, 36]) };
         renderer.draw(&mut scene, &view).unwrap();
         // Those under way at once, and what the scene was made by.
-        assert!(scene.order.held() < 12, "{} of 100 submits", scene.order.held());
+        assert!(scene.order.in_flight() < 12, "{} of 100 submits", scene.order.in_flight());
         assert_eq!(gpu.messages(), [""; 0]);
     });
 }
