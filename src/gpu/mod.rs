@@ -53,7 +53,7 @@ pub use kinds::{BindingKind, MemoryKind, QueueKind};
 pub use memory::{Buffer, stream_words};
 pub use order::{Edge, Event, Order};
 #[cfg(feature = "view")]
-pub use overlay::{Overlay, Picture};
+pub use overlay::{Corner, Drawing, Overlay, Picture, Texture};
 pub use physical::{DeviceInfo, DeviceKind, Limits, list_devices};
 pub use pipeline::{ComputePipeline, Executable, Recipe};
 pub use ring::UploadRing;

@@ -14,6 +14,7 @@ mod redraw;
 mod save;
 mod saving;
 mod statistics;
+mod toolkit;
 pub mod watch;
 
 use crate::attribute::{ColorMode, ColorTable};
@@ -236,6 +237,7 @@ struct Viewer {
     saving: Option<Box<Saving>>,
     writer: Writer,
     overlay: Overlay,
+    textures: toolkit::Textures,
     programs: Programs,
     swapchain: Swapchain,
     data: Data,
@@ -348,6 +350,7 @@ impl Viewer {
             saving: None,
             writer: Writer::default(),
             overlay,
+            textures: toolkit::Textures::new(&gpu),
             programs,
             swapchain,
             data,

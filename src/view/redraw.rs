@@ -6,6 +6,7 @@ use super::panel::{self, Settings, Shown};
 use super::statistics::Flown;
 use super::{LATER, Options, PATIENCE, PROGRESS, Question, SAMPLES, SOON, Viewer, Wanted, overlay};
 use crate::attribute::{ColorMode, ColorTable};
+use crate::gpu::Drawing;
 use crate::render::camera::Camera;
 use crate::render::frame::{Background, Renderer, Shade, Traversal, View, check_size};
 use crate::resident::live::FRAME_BYTES;
@@ -175,7 +176,7 @@ impl Viewer {
         let pixels_per_point = output.pixels_per_point;
         let textures = &mut output.textures_delta;
         let (set, free) = (std::mem::take(&mut textures.set), std::mem::take(&mut textures.free));
-        self.overlay.change_textures(set)?;
+        self.textures.change(set)?;
         let primitives = self.context.tessellate(output.shapes, pixels_per_point);
         if !self.is_framed && self.data.about().is_some() && !self.place.size.contains(&0) {
             self.first_view(options)?;
@@ -192,7 +193,7 @@ impl Viewer {
         let has_news = std::mem::take(&mut self.has_news);
         self.has_more = self.plan(has_news)?;
         let submitted = self.submit((pixels_per_point, &primitives))?;
-        self.overlay.free_textures(free);
+        self.textures.free(free);
         if !submitted {
             // Minimised, or in the middle of a change.
             (self.is_late, self.next) = (true, Some(begun + LATER));
@@ -459,12 +460,16 @@ impl Viewer {
         let corner = self.place.rect.min * pixels_per_point;
         let [left, top] = [corner.x, corner.y].map(|v| v.round().max(0.0) as u32);
         let [width, height] = self.place.size;
-        let picture = self.screen.picture([left, top, width, height]);
+        let mut drawing = Drawing::new(pixels_per_point);
+        if let Some(picture) = self.screen.picture([left, top, width, height]) {
+            drawing.picture(picture);
+        }
+        self.textures.draw(&mut drawing, pixels_per_point, primitives);
         let overlay = &mut self.overlay;
         let scene = self.data.scene_mut();
-        scene.order.draw(&mut commands, &image, |commands| {
-            overlay.paint(commands, slot, &image, picture, (pixels_per_point, primitives))
-        })?;
+        scene
+            .order
+            .draw(&mut commands, &image, |commands| overlay.paint(commands, slot, &image, &drawing))?;
         let point = scene.order.submit(commands)?;
         scene.drawn(point);
         self.screen.submitted(slot, point);
