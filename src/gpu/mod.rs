@@ -12,7 +12,7 @@
 //! | work, and when it is done | `command`, `timeline` |
 //! | what work uses | `binding`, `pipeline`, `memory` |
 //! | the device | `device`, `pipeline_cache`, `surface`, `physical`, `instance` |
-//! | plain values | `acquired`, `sync`, `error`, `kinds`, `lock`, `shaders` |
+//! | plain values | `acquired`, `edge`, `sync`, `error`, `kinds`, `lock`, `shaders` |
 #![allow(unsafe_code)]
 
 #[cfg(feature = "view")]
@@ -20,6 +20,7 @@ mod acquired;
 mod binding;
 mod command;
 mod device;
+mod edge;
 mod error;
 mod instance;
 mod kinds;
@@ -48,10 +49,11 @@ pub use acquired::Acquired;
 pub use binding::{Binding, BindingCache};
 pub use command::{BufferCopy, Commands};
 pub use device::{Gpu, GpuOptions};
+pub use edge::{Edge, Event};
 pub use error::{GpuError, Result};
 pub use kinds::{BindingKind, MemoryKind, QueueKind};
 pub use memory::{Buffer, stream_words};
-pub use order::{Edge, Event, Order};
+pub use order::Order;
 #[cfg(feature = "view")]
 pub use overlay::{Corner, Drawing, Overlay, Picture, Texture};
 pub use physical::{DeviceInfo, DeviceKind, Limits, list_devices};

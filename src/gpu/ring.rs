@@ -3,10 +3,11 @@
 use std::collections::VecDeque;
 
 use super::device::Gpu;
+use super::edge::Edge;
 use super::error::Result;
 use super::kinds::MemoryKind;
 use super::memory::Buffer;
-use super::order::{Edge, Order};
+use super::order::Order;
 use super::sync::SyncPoint;
 
 /// Copies start at multiples of it.
