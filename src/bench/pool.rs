@@ -6,7 +6,7 @@ use super::times::{FrameTimes, ms};
 use super::world::World;
 use crate::coords::{SECTION_LOG2, SectionKey};
 use crate::gpu::{Gpu, Order, QueueKind, SyncPoint, Timestamps};
-use crate::render::frame::{FrameError, PASSES, Renderer, Repeats, View};
+use crate::render::frame::{FrameError, PASSES, PassRepeats, Renderer, View};
 use crate::render::image::Image;
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
@@ -54,7 +54,7 @@ pub fn time(
         let point = renderer.submit_frame(scene, view, &table, Some(clock))?;
         Ok(clock.resolve(&mut scene.order, point)?)
     });
-    renderer.repeat(Repeats::ONCE);
+    renderer.repeat(PassRepeats::ONCE);
     timing
 }
 

@@ -39,17 +39,17 @@ impl WarmUp {
 
     /// How often work runs in one submit: untimed, and timed. One timed run will do where a driver runs on the CPU: its
     /// passes are long.
-    pub fn runs(&self) -> frame::Repeats {
-        frame::Repeats { before: self.runs, timed: if self.needed_ms > 0.0 { TIMED } else { 1 } }
+    pub fn runs(&self) -> frame::PassRepeats {
+        frame::PassRepeats { before: self.runs, timed: if self.needed_ms > 0.0 { TIMED } else { 1 } }
     }
 
     /// Most stages that a clock needs for passes of a picture.
-    pub const STAGES: u32 = frame::Repeats { before: 1, timed: TIMED }.stages(frame::PASSES);
+    pub const STAGES: u32 = frame::PassRepeats { before: 1, timed: TIMED }.stages(frame::PASSES);
 
     /// Times a piece of work: `run` is told how often, and gives the stages of the clock (name, ns).
     pub fn time<E>(
         &mut self,
-        mut run: impl FnMut(frame::Repeats) -> Result<Vec<(&'static str, f64)>, E>,
+        mut run: impl FnMut(frame::PassRepeats) -> Result<Vec<(&'static str, f64)>, E>,
     ) -> Result<Timing, E> {
         let mut tries = 0;
         loop {
@@ -96,7 +96,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Of the stages (name, ns) of a submit of `timed` timed runs: see [`frame::Repeats`].
+    /// Of the stages (name, ns) of a submit of `timed` timed runs: see [`frame::PassRepeats`].
     pub fn of(stages: &[(&'static str, f64)], timed: u32) -> Timing {
         let (before, stages) = match stages {
             [("before", ns), rest @ ..] => (*ns, rest),
@@ -322,7 +322,7 @@ mod tests {
     #[test]
     fn cpus_run_once_before_and_runs_stay_in_bounds() {
         let mut cpu = WarmUp::new(DeviceKind::Cpu);
-        let once = frame::Repeats { before: 1, timed: 1 };
+        let once = frame::PassRepeats { before: 1, timed: 1 };
         assert_eq!((cpu.runs(), cpu.is_enough(0.0), cpu.runs()), (once, true, once));
         let mut card = WarmUp::new(DeviceKind::Discrete);
         assert!(!card.is_enough(0.0));

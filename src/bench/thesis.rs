@@ -9,7 +9,7 @@ use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
     Recipe, SyncPoint, Timestamps, shaders,
 };
-use crate::render::frame::{FrameConstants, FrameError, LOG_WORDS, Push, Rays, Repeats, View};
+use crate::render::frame::{FrameConstants, FrameError, FramePush, LOG_WORDS, PassRepeats, View, ViewRays};
 use cpu_time::ThreadTime;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -140,7 +140,7 @@ impl Kernel {
             name: "thesis",
             words,
             constants: vec![(0, group[0]), (1, group[1]), (2, u32::from(screen))],
-            push_bytes: size_of::<Push>() as u32,
+            push_bytes: size_of::<FramePush>() as u32,
             bindings: &[BindingKind::Uniform],
         }
     }
@@ -327,7 +327,7 @@ impl Thesis {
         let tracing = Instant::now();
         self.take(copied)?;
         let mut clocks = self.clocks.take();
-        let traced = self.submit(view, world, Repeats::ONCE, clocks.as_mut().map(|[_, clock]| clock))?;
+        let traced = self.submit(view, world, PassRepeats::ONCE, clocks.as_mut().map(|[_, clock]| clock))?;
         self.clocks = clocks;
         self.order.wait(traced)?;
         let trace_wall_ms = ms(tracing);
@@ -370,7 +370,7 @@ impl Thesis {
         &mut self,
         view: &View,
         world: &World,
-        repeats: Repeats,
+        repeats: PassRepeats,
         mut clock: Option<&mut Timestamps>,
     ) -> Result<SyncPoint, FrameError> {
         let image = self.image.clone();
@@ -385,7 +385,7 @@ impl Thesis {
                 self.order.next_pass(&mut commands);
             }
             commands.bind(kernel);
-            commands.push(bytemuck::bytes_of(&Push::whole(&constants)));
+            commands.push(bytemuck::bytes_of(&FramePush::whole(&constants)));
             commands.bind_buffers(&binding);
             commands.dispatch(self.groups(self.size[1]));
             if let Some(clock) = clock.as_mut().filter(|_| run + 1 >= repeats.before) {
@@ -407,7 +407,7 @@ impl Thesis {
         world: &World,
         image: &Buffer,
     ) -> Result<(Commands, FrameConstants), FrameError> {
-        let rays = Rays::of(view, &world.grid, world.anchor)?;
+        let rays = ViewRays::of(view, &world.grid, world.anchor)?;
         let [low, high] = view.window.expect("a camera section");
         let constants = FrameConstants::new(view, &rays, &world.grid, world.anchor).over(
             [&self.heights, &self.hits, image, &self.colors],
@@ -427,7 +427,7 @@ impl Thesis {
     pub fn picture(&mut self, view: &View, world: &World) -> Result<Picture, FrameError> {
         let image = self.image.clone();
         let (mut commands, constants) = self.begin(view, world, &image)?;
-        self.dispatch(&mut commands, &self.kernel.records, Push::whole(&constants), self.size[1])?;
+        self.dispatch(&mut commands, &self.kernel.records, FramePush::whole(&constants), self.size[1])?;
         let all = BufferCopy { from: 0, to: 0, size: self.hits.size() };
         let copies = [(&self.hits, &self.hits_back, all), (&self.image, &self.image_back, all)];
         self.order.readback(&mut commands, &copies);
@@ -457,7 +457,7 @@ impl Thesis {
         for first_row in (0..height).step_by(LOG_ROWS as usize) {
             let rows = LOG_ROWS.min(height - first_row);
             let (mut commands, constants) = self.begin(view, world, &log)?;
-            let push = Push::new(&constants, [0, 1], [first_row, rows]);
+            let push = FramePush::new(&constants, [0, 1], [first_row, rows]);
             self.dispatch(&mut commands, &program, push, rows)?;
             let all = BufferCopy { from: 0, to: 0, size: bytes(rows) };
             self.order.readback(&mut commands, &[(&log, &back, all)]);
@@ -473,7 +473,7 @@ impl Thesis {
         &self,
         commands: &mut Commands,
         program: &ComputePipeline,
-        push: Push,
+        push: FramePush,
         rows: u32,
     ) -> Result<(), GpuError> {
         commands.bind(program);

@@ -1,7 +1,7 @@
 //! The picture in a window: one sample after the other while nothing changes, a band of rows a frame, and what lies
 //! under the cursor.
 
-use super::frame::{Band, FrameError, HitRecord, Rays, Renderer, View, derive_colors, halves, sample_at};
+use super::frame::{Band, FrameError, HitRecord, Renderer, View, ViewRays, derive_colors, halves, sample_at};
 use crate::gpu::{
     Buffer, BufferCopy, Commands, ComputePipeline, GpuError, MemoryKind, Picture, QueueKind, Recipe,
     SyncPoint, Timestamps, shaders,
@@ -59,7 +59,7 @@ struct Work {
 /// Hit records on the device, and what their rays were.
 #[derive(Clone)]
 struct Hits {
-    rays: Rays,
+    rays: ViewRays,
     size: [u32; 2],
     /// Where in a pixel the rays went through, pixels from its centre.
     offset: [f64; 2],
@@ -69,7 +69,7 @@ struct Hits {
 struct Asked {
     at: [f64; 2],
     pixel: [f64; 2],
-    rays: Rays,
+    rays: ViewRays,
     point: Option<SyncPoint>,
 }
 
@@ -284,7 +284,7 @@ impl Screen {
             scene.order.read(point, back, 0, bytemuck::bytes_of_mut(&mut hit))?;
             let class = u8::try_from(hit.bits & 0x1FF).ok();
             let place = class.map(|class| {
-                let (shown, height) = renderer.place_of(&asked.rays, &hit, asked.pixel);
+                let (shown, height) = renderer.point_of(&asked.rays, &hit, asked.pixel);
                 Place { shown, height, class }
             });
             picks.push((point.value(), Pick { at: asked.at, place }));

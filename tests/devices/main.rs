@@ -23,7 +23,7 @@ use lasray::coords::{Bounds, Height, SectionKey};
 use lasray::gpu::{Edge, Gpu, QueueKind, Timestamps};
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{
-    FrameError, Logged, PASSES, PassOptions, Renderer, Repeats, Shade, Traversal, View,
+    FrameError, Logged, PASSES, PassOptions, PassRepeats, Renderer, Shade, Traversal, View,
 };
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;
@@ -179,13 +179,13 @@ fn passes_are_counted_and_repeated() {
             assert!(beams.steps >= beams.threads && beams.loads > 0, "{beams:?}");
         }
         // Runs before are a stage of the clock, those that are timed have one for each pass.
-        let repeats = Repeats { before: 2, timed: 3 };
+        let repeats = PassRepeats { before: 2, timed: 3 };
         let clock = Timestamps::new(&gpu, "repeats", QueueKind::Compute, repeats.stages(PASSES)).unwrap();
         let mut clock = clock.expect("the reference driver has timestamps");
         let table = renderer.table(&scene);
         for (repeats, names) in [
             (repeats, [&["before"][..], &["wide beams", "beams", "trace"].repeat(3)].concat()),
-            (Repeats::ONCE, vec!["wide beams", "beams", "trace"]),
+            (PassRepeats::ONCE, vec!["wide beams", "beams", "trace"]),
         ] {
             renderer.repeat(repeats);
             let point = renderer.submit_frame(&mut scene, &view, &table, Some(&mut clock)).unwrap();

@@ -3,7 +3,7 @@
 use super::bands::{Band, band_rows};
 use super::mirrors::FrameConstants;
 use super::options::{TILE, WIDE_TILE};
-use super::pipelines::Pass;
+use super::pipelines::FramePass;
 use crate::gpu::{Binding, BindingCache, Buffer, Commands, Gpu, GpuError, MemoryKind};
 use crate::resident::pool::Access;
 use crate::resident::table::Table;
@@ -20,7 +20,7 @@ pub(super) const BYTES_PER_PIXEL: u64 = 16;
 const LEAST_TABLE_BYTES: u64 = 1 << 20;
 
 /// Buffers that exist once for every frame in flight: what its passes are given.
-pub(super) struct Inputs {
+pub(super) struct FrameInputs {
     frame: Buffer,
     table: Buffer,
     /// What `table` holds: it is written only where it is another.
@@ -29,14 +29,18 @@ pub(super) struct Inputs {
     bindings: BindingCache,
 }
 
-impl Inputs {
+impl FrameInputs {
     /// Those of `kept` where a table of so many bytes fits them, else new ones.
-    pub fn with_room(kept: Option<Inputs>, gpu: &Gpu, table_bytes: u64) -> Result<Inputs, GpuError> {
+    pub fn with_room(
+        kept: Option<FrameInputs>,
+        gpu: &Gpu,
+        table_bytes: u64,
+    ) -> Result<FrameInputs, GpuError> {
         if let Some(kept) = kept.filter(|inputs| inputs.table.size() >= table_bytes) {
             return Ok(kept);
         }
         let make = |name: &str, size| Buffer::new(gpu, name, MemoryKind::Upload, size);
-        Ok(Inputs {
+        Ok(FrameInputs {
             frame: make("frame constants", size_of::<FrameConstants>() as u64)?,
             table: make("section table", LEAST_TABLE_BYTES.max(table_bytes))?,
             written: Weak::new(),
@@ -69,10 +73,10 @@ impl Inputs {
     /// Bindings of each pass to these, to `targets` and to the pool's derived page.
     pub fn bind(
         &mut self,
-        passes: &[Pass],
+        passes: &[FramePass],
         access: Access,
         pool: Option<&Buffer>,
-        targets: &Targets,
+        targets: &FrameTargets,
     ) -> Result<Vec<Binding>, GpuError> {
         self.bindings.begin();
         let (frame, table) = (&self.frame, &self.table);
@@ -83,7 +87,7 @@ impl Inputs {
             Access::Address => bindings.get(pipeline, &[frame]),
             Access::Texels => bindings.get(pipeline, &[frame, pool, table, &targets.beams]),
             Access::StorageBuffer => {
-                let Targets { hits, colors, beams, wide_beams, .. } = targets;
+                let FrameTargets { hits, colors, beams, wide_beams, .. } = targets;
                 bindings.get(pipeline, &[pool, table, frame, hits, colors, &self.ramp, beams, wide_beams])
             }
         };
@@ -92,7 +96,7 @@ impl Inputs {
 }
 
 /// What the passes write: buffers of one image size.
-pub(super) struct Targets {
+pub(super) struct FrameTargets {
     size: [u32; 2],
     pub hits: Buffer,
     pub colors: Buffer,
@@ -104,10 +108,10 @@ pub(super) struct Targets {
     beamed: Option<(u32, u32, u32)>,
 }
 
-impl Targets {
+impl FrameTargets {
     /// Makes `kept` ones that `band` of an image of `size` fits.
     pub fn prepare(
-        kept: &mut Option<Targets>,
+        kept: &mut Option<FrameTargets>,
         gpu: &Gpu,
         size: [u32; 2],
         band: Band,
@@ -116,7 +120,7 @@ impl Targets {
         let bytes = u64::from(size[0]) * u64::from(rows) * BYTES_PER_PIXEL;
         let tile_bytes =
             |side: u32| u64::from(size[0].div_ceil(side)) * u64::from(rows.div_ceil(side)) * BYTES_PER_BEAM;
-        let fits = |t: &Targets| {
+        let fits = |t: &FrameTargets| {
             t.hits.size() >= bytes
                 && t.beams.size() >= tile_bytes(TILE)
                 && t.wide_beams.size() >= tile_bytes(WIDE_TILE)
@@ -126,7 +130,7 @@ impl Targets {
         if !is_kept {
             *kept = None;
             let device = |name, bytes| Buffer::new(gpu, name, MemoryKind::Device, bytes);
-            *kept = Some(Targets {
+            *kept = Some(FrameTargets {
                 size,
                 hits: device("hits", bytes)?,
                 colors: device("colors", bytes)?,

@@ -1,7 +1,7 @@
 //! What host and shaders both know of a frame, word by word: constants, push constants and hit records.
 
 use super::options::{Background, Shade, View};
-use super::rays::{Origins, Rays};
+use super::rays::{Origins, ViewRays};
 use crate::attribute::ColorMode;
 use crate::coords::{Grid, Height};
 use crate::gpu::Buffer;
@@ -50,7 +50,7 @@ pub(crate) struct FrameConstants {
 
 impl FrameConstants {
     /// What `view` alone says: places, table and window are left 0.
-    pub(crate) fn new(view: &View, rays: &Rays, grid: &Grid, height_anchor: Height) -> FrameConstants {
+    pub(crate) fn new(view: &View, rays: &ViewRays, grid: &Grid, height_anchor: Height) -> FrameConstants {
         let cell = grid.cell();
         let Origins { origin, right, down, step } = rays.origins;
         let (origin_int, origin_fraction) = parts(origin);
@@ -129,7 +129,7 @@ impl FrameConstants {
 /// Mirrors the push constants of `shaders/frame.glsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-pub(crate) struct Push {
+pub(crate) struct FramePush {
     sample_at: [i32; 2],
     sample_index: u32,
     sample_weight: f32,
@@ -139,13 +139,13 @@ pub(crate) struct Push {
     origin_fraction: [u32; 3],
 }
 
-impl Push {
+impl FramePush {
     /// One sample of every pixel of `rows` rows from `first_row` on, under `constants`.
     pub(crate) fn new(
         constants: &FrameConstants,
         [sample, samples]: [u32; 2],
         [first_row, rows]: [u32; 2],
-    ) -> Push {
+    ) -> FramePush {
         let sample_at = sample_at(sample, samples);
         let [origin, right, down] = [
             joined(constants.origin_int, constants.origin_fraction),
@@ -156,12 +156,20 @@ impl Push {
         let origin = added(origin, sixteenth(right), sample_at[0].into());
         let (origin_int, origin_fraction) = parts(added(origin, sixteenth(down), sample_at[1].into()));
         let sample_weight = 1.0 / samples as f32;
-        Push { sample_at, sample_index: sample, sample_weight, first_row, rows, origin_int, origin_fraction }
+        FramePush {
+            sample_at,
+            sample_index: sample,
+            sample_weight,
+            first_row,
+            rows,
+            origin_int,
+            origin_fraction,
+        }
     }
 
     /// One sample of every pixel, in its centre.
-    pub(crate) fn whole(constants: &FrameConstants) -> Push {
-        Push::new(constants, [0, 1], [0, constants.height])
+    pub(crate) fn whole(constants: &FrameConstants) -> FramePush {
+        FramePush::new(constants, [0, 1], [0, constants.height])
     }
 }
 
@@ -182,7 +190,7 @@ const FACE_TOP: u32 = 0;
 
 /// What the ray of pixel (px, py) has hit: distance from the eye as shown, and U; heights count from `anchor`.
 pub(super) fn distance_and_height(
-    Rays { shown, through, unit, .. }: &Rays,
+    ViewRays { shown, through, unit, .. }: &ViewRays,
     hit: &HitRecord,
     [px, py]: [f64; 2],
     grid: &Grid,
@@ -279,7 +287,7 @@ mod tests {
         let texels = readers_of_texels();
         assert_in(&readers, &constants);
         assert_in(&texels, &constants);
-        let push = members!(Push {
+        let push = members!(FramePush {
             sample_at,
             sample_index,
             sample_weight,

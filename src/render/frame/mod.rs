@@ -15,13 +15,13 @@ pub(super) use bands::Band;
 pub use bands::check_size;
 pub use error::FrameError;
 pub use log::{LOG_STEP, LOG_WORDS};
-pub(crate) use mirrors::{FrameConstants, Push};
+pub(crate) use mirrors::{FrameConstants, FramePush};
 #[cfg(feature = "view")]
 pub(super) use mirrors::{HitRecord, halves, sample_at};
-pub use options::{Background, Logged, PASSES, PassOptions, Repeats, Shade, Traversal, View};
+pub use options::{Background, Logged, PASSES, PassOptions, PassRepeats, Shade, Traversal, View};
 #[cfg(feature = "view")]
 pub use pipelines::recipes;
-pub(crate) use rays::Rays;
+pub(crate) use rays::ViewRays;
 pub use renderer::Renderer;
 #[cfg(feature = "view")]
 pub(super) use renderer::derive_colors;

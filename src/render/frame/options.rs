@@ -76,16 +76,16 @@ pub(super) const WIDE_TILE: u32 = 64;
 
 /// How often the passes of a frame run, for measurements: a device's clock rises while it works.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Repeats {
+pub struct PassRepeats {
     /// Runs before those that are timed; together they are a stage of the clock, `"before"`, if there are any.
     pub before: u32,
     /// Runs whose passes are stages of the clock, one run after the other.
     pub timed: u32,
 }
 
-impl Repeats {
+impl PassRepeats {
     /// As frames run.
-    pub const ONCE: Repeats = Repeats { before: 0, timed: 1 };
+    pub const ONCE: PassRepeats = PassRepeats { before: 0, timed: 1 };
 
     /// Stages that a clock of `passes` passes must have room for.
     pub const fn stages(self, passes: u32) -> u32 {

@@ -1,7 +1,7 @@
 //! The pipelines of a frame's passes: which there are, for each way to the pool, and how they are specialised.
 
 use super::bands::Band;
-use super::mirrors::Push;
+use super::mirrors::FramePush;
 use super::options::{Logged, PassOptions, Shade, TILE, Traversal, View, WIDE_TILE};
 use crate::attribute::ColorMode;
 #[cfg(feature = "view")]
@@ -74,7 +74,7 @@ impl Variants {
             Access::Texels => (self.by_texels, &self.bindings.by_texels[..]),
             Access::StorageBuffer => (self.by_buffer, &self.bindings.by_buffer[..]),
         };
-        Recipe { name, words, constants, push_bytes: size_of::<Push>() as u32, bindings }
+        Recipe { name, words, constants, push_bytes: size_of::<FramePush>() as u32, bindings }
     }
 }
 
@@ -155,7 +155,7 @@ impl PassOptions {
 }
 
 /// A pass of a frame: what it is called where it is timed, its pipeline, and its workgroups.
-pub(super) struct Pass {
+pub(super) struct FramePass {
     pub name: &'static str,
     pub pipeline: ComputePipeline,
     pub groups: [u32; 3],
@@ -197,13 +197,13 @@ impl FramePipelines {
         view: &View,
         band: Band,
         has_beams: bool,
-    ) -> Result<Vec<Pass>, GpuError> {
+    ) -> Result<Vec<FramePass>, GpuError> {
         let groups = |[x, y]: [u32; 2], side: u32| {
             [view.size[0].div_ceil(side).div_ceil(x), band.rows.div_ceil(side).div_ceil(y), 1]
         };
         let (tiles, pixels) = (|side| groups(self.options.beam_group, side), groups(self.options.group, 1));
         let mut passes = vec![];
-        let mut add = |name, pipeline, groups| passes.push(Pass { name, pipeline, groups });
+        let mut add = |name, pipeline, groups| passes.push(FramePass { name, pipeline, groups });
         if view.traversal == Traversal::Fast && self.options.beams && !has_beams {
             add("wide beams", self.wide_beams.clone(), tiles(WIDE_TILE));
             add("beams", self.beams.clone(), tiles(TILE));

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 /// The rays of a picture, from a plane just before the data on.
 #[derive(Clone)]
-pub(crate) struct Rays {
+pub(crate) struct ViewRays {
     /// As they are shown.
     pub(super) shown: RayBasis,
     /// As they run through unexaggerated data.
@@ -44,10 +44,10 @@ const _: () = assert!(ORIGIN_REACH + CELL_LIMIT as i128 <= 1 << 31);
 /// More doublings of [`Origins::step`] than any picture needs whose width can be counted in cells.
 const MOST_STEP_LOG2: i32 = 64;
 
-impl Rays {
+impl ViewRays {
     /// Of `view`, over cells and heights of `grid`, the heights counted from `anchor` on the device.
     /// Errors: the picture takes in too much to be counted in cells.
-    pub(crate) fn of(view: &View, grid: &Grid, anchor: Height) -> Result<Rays, CameraError> {
+    pub(crate) fn of(view: &View, grid: &Grid, anchor: Height) -> Result<ViewRays, CameraError> {
         let shown = view.camera.drawn_basis(view.size, grid.height_step)?;
         let bounds = view.bounds.exaggerated(view.z_scale, view.pivot);
         // Not less than a cell before the data, so that rounding does not reach it.
@@ -63,7 +63,7 @@ impl Rays {
                 .fold(0.0, f64::max),
             cell: grid.cell(),
         })?;
-        Ok(Rays { shown, through, origins, unit: power_of_two_at_most(grid.cell()) })
+        Ok(ViewRays { shown, through, origins, unit: power_of_two_at_most(grid.cell()) })
     }
 }
 

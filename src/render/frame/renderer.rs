@@ -3,12 +3,12 @@
 use super::super::camera::CameraError;
 use super::super::image::Image;
 use super::bands::{Band, band_rows, check_size};
-use super::buffers::{BYTES_PER_PIXEL, Inputs, Targets};
+use super::buffers::{BYTES_PER_PIXEL, FrameInputs, FrameTargets};
 use super::error::FrameError;
-use super::mirrors::{FrameConstants, HitRecord, Push, distance_and_height, halves};
-use super::options::{PassOptions, Repeats, View};
-use super::pipelines::{FramePipelines, Pass};
-use super::rays::Rays;
+use super::mirrors::{FrameConstants, FramePush, HitRecord, distance_and_height, halves};
+use super::options::{PassOptions, PassRepeats, View};
+use super::pipelines::{FramePass, FramePipelines};
+use super::rays::ViewRays;
 use crate::attribute::ColorMode;
 use crate::coords::{Grid, Height};
 use crate::gpu::{Binding, Buffer, BufferCopy, Commands, GpuError, SyncPoint, Timestamps};
@@ -37,11 +37,11 @@ pub struct Renderer {
     pipelines: FramePipelines,
     pub(super) access: Access,
     pub(super) options: PassOptions,
-    repeats: Repeats,
+    repeats: PassRepeats,
     /// Of a logged pass: on the device, and for the host.
     pub(super) log: Option<[Buffer; 2]>,
-    in_flight: Vec<Option<Inputs>>,
-    targets: Option<Targets>,
+    in_flight: Vec<Option<FrameInputs>>,
+    targets: Option<FrameTargets>,
     /// Lattice height of local height 0.
     anchor: Height,
     grid: Grid,
@@ -67,7 +67,7 @@ impl Renderer {
             pipelines: FramePipelines::new(scene.gpu(), access, options)?,
             access,
             options,
-            repeats: Repeats::ONCE,
+            repeats: PassRepeats::ONCE,
             log: None,
             in_flight: Vec::new(),
             targets: None,
@@ -155,7 +155,7 @@ impl Renderer {
     }
 
     /// How often the passes of the frames to come run.
-    pub fn repeat(&mut self, repeats: Repeats) {
+    pub fn repeat(&mut self, repeats: PassRepeats) {
         self.repeats = repeats;
     }
 
@@ -166,8 +166,8 @@ impl Renderer {
     }
 
     /// The rays of `view`. Errors: it takes in too much to be drawn.
-    pub(in super::super) fn rays(&self, view: &View) -> Result<Rays, CameraError> {
-        Rays::of(view, &self.grid, self.anchor)
+    pub(in super::super) fn rays(&self, view: &View) -> Result<ViewRays, CameraError> {
+        ViewRays::of(view, &self.grid, self.anchor)
     }
 
     /// All that a frame may see now.
@@ -201,7 +201,12 @@ impl Renderer {
 
     /// Where the ray of pixel (px, py) has hit, as shown, and U there.
     #[cfg(feature = "view")]
-    pub(in super::super) fn place_of(&self, rays: &Rays, hit: &HitRecord, pixel: [f64; 2]) -> (DVec3, f64) {
+    pub(in super::super) fn point_of(
+        &self,
+        rays: &ViewRays,
+        hit: &HitRecord,
+        pixel: [f64; 2],
+    ) -> (DVec3, f64) {
         let [distance, height] = distance_and_height(rays, hit, pixel, &self.grid, self.anchor);
         let [px, py] = pixel;
         let along = distance / rays.shown.length(px, py);
@@ -214,7 +219,7 @@ impl Renderer {
         scene: &mut Scene,
         view: &View,
         table: &Arc<Table>,
-        rays: &Rays,
+        rays: &ViewRays,
         band: Band,
         clock: Option<&mut Timestamps>,
     ) -> Result<SyncPoint, FrameError> {
@@ -241,15 +246,15 @@ impl Renderer {
         (commands, slot): (&mut Commands, usize),
         view: &View,
         table: &Arc<Table>,
-        rays: &Rays,
+        rays: &ViewRays,
         band: Band,
         clock: Option<&mut Timestamps>,
     ) -> Result<(), FrameError> {
         let gpu = scene.gpu().clone();
-        Targets::prepare(&mut self.targets, &gpu, view.size, band)?;
+        FrameTargets::prepare(&mut self.targets, &gpu, view.size, band)?;
         self.in_flight.resize_with(self.in_flight.len().max(slot + 1), || None);
         let mut inputs =
-            Inputs::with_room(self.in_flight[slot].take(), &gpu, size_of_val(&table.slots[..]) as u64)?;
+            FrameInputs::with_room(self.in_flight[slot].take(), &gpu, size_of_val(&table.slots[..]) as u64)?;
         let targets = self.targets.as_ref().expect("prepared");
         let constants = self.constants(view, rays, table, (&inputs, targets), band);
         inputs.write(&constants, table, bytemuck::cast_slice(view.colors.table.as_slice()));
@@ -264,7 +269,7 @@ impl Renderer {
         targets.keep(commands);
         scene.pool().buffers().for_each(|b| commands.keep(b.clone()));
         let bindings = inputs.bind(&passes, self.access, scene.pool().derived_page(), targets)?;
-        let push = Push::new(&constants, [band.sample, band.samples], [band.first_row, band.rows]);
+        let push = FramePush::new(&constants, [band.sample, band.samples], [band.first_row, band.rows]);
         self.dispatch(scene, commands, &passes, &bindings, &push, clock);
         self.in_flight[slot] = Some(inputs);
         Ok(())
@@ -275,15 +280,15 @@ impl Renderer {
         &self,
         scene: &mut Scene,
         commands: &mut Commands,
-        passes: &[Pass],
+        passes: &[FramePass],
         bindings: &[Binding],
-        push: &Push,
+        push: &FramePush,
         mut clock: Option<&mut Timestamps>,
     ) {
         if let Some(clock) = clock.as_mut() {
             clock.begin(commands);
         }
-        let Repeats { before, timed } = self.repeats;
+        let PassRepeats { before, timed } = self.repeats;
         for run in 0..before + timed {
             for (at, (pass, binding)) in passes.iter().zip(bindings).enumerate() {
                 if run > 0 || at > 0 {
@@ -307,9 +312,9 @@ impl Renderer {
     fn constants(
         &self,
         view: &View,
-        rays: &Rays,
+        rays: &ViewRays,
         table: &Table,
-        (inputs, targets): (&Inputs, &Targets),
+        (inputs, targets): (&FrameInputs, &FrameTargets),
         band: Band,
     ) -> FrameConstants {
         // Shaders count the band's pixels from 0.
@@ -349,7 +354,7 @@ impl Renderer {
     }
 
     /// Channels of the picture's pixels from `from` on: distances and heights in f64 from what the device found.
-    fn finish(&self, rays: &Rays, hits: &[HitRecord], from: usize, image: &mut Image) {
+    fn finish(&self, rays: &ViewRays, hits: &[HitRecord], from: usize, image: &mut Image) {
         let width = image.width;
         for (at, hit) in (from..).zip(hits) {
             image.steps += u64::from(hit.steps);
