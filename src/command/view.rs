@@ -132,7 +132,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let shown = args.classes.map_or(ClassMask::default(), |list| ClassMask::only(&list.0));
     let classes = args.hide.map_or(shown, |list| shown.without(&list.0));
     let cache = if args.no_cache { None } else { Cache::of_user() };
-    let data = view::data::Options {
+    let data = view::data::ReadOptions {
         cell: args.cell.0,
         placement: args.placement.options(),
         rgb_bits: args.rgb_bits.map(|bits| if bits == "8" { 8 } else { 16 }),
@@ -141,7 +141,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         visibility: Visibility { classes, withheld: args.withheld, bridge: 4 },
         cache: cache.clone(),
     };
-    let options = view::Options {
+    let options = view::WindowOptions {
         inputs: args.inputs,
         data,
         gpu: GpuOptions {

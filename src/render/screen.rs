@@ -1,4 +1,4 @@
-//! The picture in a window: one sample after the other while nothing changes, a band of rows a frame, and what lies
+//! The image in a window: one sample after the other while nothing changes, a band of rows a frame, and what lies
 //! under the cursor.
 
 use super::frame::{Band, FrameError, HitRecord, Renderer, View, ViewRays, derive_colors, halves, sample_at};
@@ -22,16 +22,16 @@ const ROWS: u32 = 64;
 /// Mirrors the push constants of `shaders/screen.comp`.
 #[repr(C)]
 #[derive(Clone, Copy, Pod, Zeroable)]
-struct Push {
+struct ScreenPush {
     sums: [u32; 2],
     words: [u32; 2],
     width: u32,
     scale: f32,
 }
 
-/// A place that a ray has hit.
+/// A point that a ray has hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct PickedPoint {
     /// Where it is shown, vertical exaggeration included.
     pub shown: DVec3,
     /// Its true height.
@@ -40,17 +40,17 @@ pub struct Place {
     pub class: u8,
 }
 
-/// What was found under a point of the picture.
+/// What was found under a point of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pick {
-    /// Shares of the picture's width and height, from the top left.
+    /// Shares of the image's width and height, from the top left.
     pub at: [f64; 2],
     /// `None`: nothing but background.
-    pub place: Option<Place>,
+    pub point: Option<PickedPoint>,
 }
 
-/// The picture that is being made.
-struct Work {
+/// The image that is being made.
+struct Refinement {
     size: [u32; 2],
     sample: u32,
     next_row: u32,
@@ -66,7 +66,7 @@ struct Hits {
 }
 
 /// A hit record on its way to the host.
-struct Asked {
+struct PendingPick {
     at: [f64; 2],
     pixel: [f64; 2],
     rays: ViewRays,
@@ -75,54 +75,54 @@ struct Asked {
 
 /// What exists once for every frame in flight.
 #[derive(Default)]
-struct Slot {
+struct ScreenSlot {
     back: Option<Buffer>,
-    asked: Option<Asked>,
+    asked: Option<PendingPick>,
     clock: Option<Timestamps>,
     /// What is timed, and its pixels.
     timed: Option<(SyncPoint, u64)>,
 }
 
-/// The picture in a window.
+/// The image in a window.
 #[derive(Default)]
 pub struct Screen {
     /// Made when first used.
     pack: Option<ComputePipeline>,
     words: Option<Buffer>,
     shown: Option<[u32; 2]>,
-    work: Option<Work>,
+    work: Option<Refinement>,
     hits: Option<Hits>,
-    slots: Vec<Slot>,
+    slots: Vec<ScreenSlot>,
     /// Rows that the frame being recorded traces.
     rows: u32,
     /// And the pixels that are timed.
     clocked: Option<u64>,
 }
 
-/// The program of pictures in a window, beside those of [`super::frame::recipes`].
+/// The pipeline of images in a window, beside those of [`super::frame::recipes`].
 pub fn recipe() -> Recipe {
-    let push_bytes = size_of::<Push>() as u32;
+    let push_bytes = size_of::<ScreenPush>() as u32;
     Recipe { name: "screen", words: shaders::SCREEN, constants: Vec::new(), push_bytes, bindings: &[] }
 }
 
 impl Screen {
-    /// Forgets what is under way: the scene is another one. The last picture stays.
+    /// Forgets what is under way: the scene is another one. The last image stays.
     pub fn forget(&mut self) {
         (self.work, self.hits) = (None, None);
         self.slots.clear();
     }
 
-    /// Begins a picture of `size`; the last one that is whole stays until its first sample is there.
+    /// Begins an image of `size`; the last one that is whole stays until its first sample is there.
     pub fn start(&mut self, size: [u32; 2]) {
-        self.work = Some(Work { size, sample: 0, next_row: 0 });
+        self.work = Some(Refinement { size, sample: 0, next_row: 0 });
     }
 
-    /// Pixels of the picture that is being made.
+    /// Pixels of the image that is being made.
     pub fn size(&self) -> Option<[u32; 2]> {
         self.work.as_ref().map(|work| work.size)
     }
 
-    /// Samples that are whole of the picture being made.
+    /// Samples that are whole of the image being made.
     pub fn samples(&self) -> u32 {
         self.work.as_ref().map_or(0, |work| work.sample)
     }
@@ -144,11 +144,11 @@ impl Screen {
         rows: u32,
     ) -> Result<(), FrameError> {
         (self.rows, self.clocked) = (0, None);
-        let Some(Work { size, sample, next_row }) = self.work else { return Ok(()) };
+        let Some(Refinement { size, sample, next_row }) = self.work else { return Ok(()) };
         if sample >= view.samples {
             return Ok(());
         }
-        assert_eq!(size, view.size, "the picture that was started");
+        assert_eq!(size, view.size, "the image that was started");
         let [width, height] = size;
         let rows = rows.max(1).next_multiple_of(ROWS).min(height - next_row);
         let samples = view.samples;
@@ -165,14 +165,14 @@ impl Screen {
         renderer.record(scene, (commands, slot), view, table, &rays, band, clock)?;
         self.rows = rows;
         let done = next_row + rows == height;
-        // Of a first sample in bands, records are of two pictures until it is whole.
+        // Of a first sample in bands, records are of two images until it is whole.
         if sample == 0 && !done {
             self.hits = None;
         }
         self.work = Some(if done {
-            Work { size, sample: sample + 1, next_row: 0 }
+            Refinement { size, sample: sample + 1, next_row: 0 }
         } else {
-            Work { size, sample, next_row: next_row + rows }
+            Refinement { size, sample, next_row: next_row + rows }
         });
         if done {
             let offset = sample_at(sample, samples).map(|sixteenths| f64::from(sixteenths - 8) / 16.0);
@@ -183,7 +183,7 @@ impl Screen {
                 None => Buffer::new(scene.gpu(), "window", MemoryKind::Device, bytes)?,
             };
             let [sums, _] = renderer.sums_and_hits().expect("recorded");
-            let push = Push {
+            let push = ScreenPush {
                 sums: halves(sums.address()),
                 words: halves(words.address()),
                 width,
@@ -206,8 +206,8 @@ impl Screen {
         Ok(())
     }
 
-    /// Asks in frame `slot` what lies at `at` (shares of the picture's width and height); [`Screen::take_picks`] tells.
-    /// `false`: no picture is whole now, ask again.
+    /// Asks in frame `slot` what lies at `at` (shares of the image's width and height); [`Screen::take_picks`] tells.
+    /// `false`: no image is whole now, ask again.
     pub fn ask(
         &mut self,
         renderer: &Renderer,
@@ -232,7 +232,7 @@ impl Screen {
         scene.order.readback(commands, &[(records, &back, copy)]);
         slot.back = Some(back);
         let pixel = std::array::from_fn(|axis| f64::from(pixel[axis]) + hits.offset[axis]);
-        slot.asked = Some(Asked { at, pixel, rays: hits.rays, point: None });
+        slot.asked = Some(PendingPick { at, pixel, rays: hits.rays, point: None });
         Ok(true)
     }
 
@@ -275,7 +275,7 @@ impl Screen {
     pub fn take_picks(&mut self, renderer: &Renderer, scene: &mut Scene) -> Result<Vec<Pick>, GpuError> {
         let mut picks = Vec::new();
         for slot in &mut self.slots {
-            let Some(Asked { point: Some(point), .. }) = slot.asked else { continue };
+            let Some(PendingPick { point: Some(point), .. }) = slot.asked else { continue };
             if !scene.order.reached(point)? {
                 continue;
             }
@@ -283,11 +283,11 @@ impl Screen {
             let mut hit = HitRecord::zeroed();
             scene.order.read(point, back, 0, bytemuck::bytes_of_mut(&mut hit))?;
             let class = u8::try_from(hit.bits & 0x1FF).ok();
-            let place = class.map(|class| {
+            let found = class.map(|class| {
                 let (shown, height) = renderer.point_of(&asked.rays, &hit, asked.pixel);
-                Place { shown, height, class }
+                PickedPoint { shown, height, class }
             });
-            picks.push((point.value(), Pick { at: asked.at, place }));
+            picks.push((point.value(), Pick { at: asked.at, point: found }));
         }
         picks.sort_by_key(|(value, _)| *value);
         Ok(picks.into_iter().map(|(_, pick)| pick).collect())
@@ -308,12 +308,12 @@ impl Screen {
         Ok(times)
     }
 
-    /// The last picture that is whole, to be shown at `place` (see [`Picture`]).
-    pub fn picture(&self, place: [u32; 4]) -> Option<Picture<'_>> {
+    /// The last image that is whole, to be shown at `place` (see [`Picture`]).
+    pub fn image_at(&self, place: [u32; 4]) -> Option<Picture<'_>> {
         Some(Picture { words: self.words.as_ref()?, size: self.shown?, place })
     }
 
     fn slot(&mut self, slot: usize) {
-        self.slots.resize_with(self.slots.len().max(slot + 1), Slot::default);
+        self.slots.resize_with(self.slots.len().max(slot + 1), ScreenSlot::default);
     }
 }

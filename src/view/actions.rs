@@ -1,23 +1,23 @@
-//! What keys do, beyond moving the camera.
+//! What keys do, beyond moving the camera: views, images and settings.
 
 use super::input::Action;
-use super::{Options, Viewer, panel, save, shown_path};
+use super::options::WindowOptions;
+use super::save;
+use super::saving::Saving;
+use super::settings::{BRIDGE, MODES};
+use super::viewer::Viewer;
 use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
-use glam::DVec3;
 use std::path::Path;
 
 impl Viewer {
-    pub(super) fn act(&mut self, options: &Options, action: Action) -> anyhow::Result<()> {
+    /// Does what a key stands for.
+    pub(super) fn act(&mut self, options: &WindowOptions, action: Action) -> anyhow::Result<()> {
         self.window.request_redraw();
         match action {
-            Action::FrameAll => self.look_from(self.camera.angles()),
+            Action::FrameAll => self.look_from(self.navigation.camera.angles()),
             Action::Standard(standard) => self.look_from(standard.angles()),
-            Action::Back => {
-                if let Some(camera) = self.views.pop() {
-                    self.set(camera);
-                }
-            }
+            Action::Back => self.navigation.back(),
             Action::GoTo => {
                 self.panel.close();
                 (self.panel.go_to, self.panel.focus) = (Some(String::new()), true);
@@ -28,10 +28,10 @@ impl Viewer {
                 let name = last.map_or(String::new(), |path| path.display().to_string());
                 (self.panel.open_view, self.panel.focus) = (Some(name), true);
             }
-            Action::SavePicture => self.save_picture()?,
+            Action::SaveImage => self.save_image()?,
             Action::SaveView => {
                 let path = save::next_free(Path::new("."), "lasray-view", "json");
-                let saved = save::view(&self.camera, self.data.about())
+                let saved = save::view(&self.navigation.camera, self.data.about())
                     .and_then(|view| view.write(&path).map_err(|e| e.to_string()));
                 match saved {
                     Ok(()) => self.notify(format!("View saved as {}", shown_path(&path))),
@@ -40,10 +40,10 @@ impl Viewer {
             }
             Action::CopyCommand => {
                 if let Some(about) = self.data.about() {
-                    let (camera, settings) = (&self.camera, &self.settings);
-                    let (inputs, size) = (self.data.inputs(), self.place.size);
+                    let (camera, settings) = (&self.navigation.camera, &self.settings);
+                    let (inputs, size) = (self.data.inputs(), self.canvas.size());
                     let line = save::command(inputs, camera, about, settings, size, &options.data);
-                    self.log(format_args!("command {line}"));
+                    self.log.line(format_args!("command {line}"));
                     self.toolkit.set_clipboard_text(line);
                     self.notify("The command that draws this view is on the clipboard");
                 }
@@ -51,12 +51,12 @@ impl Viewer {
             Action::TogglePanel => self.panel.is_open = !self.panel.is_open,
             Action::ToggleKeys => self.panel.has_keys = !self.panel.has_keys,
             Action::NextColor => {
-                let at = panel::MODES.iter().position(|mode| *mode == self.settings.color).unwrap_or(0);
-                self.settings.color = panel::MODES[(at + 1) % panel::MODES.len()];
+                let at = MODES.iter().position(|mode| *mode == self.settings.color).unwrap_or(0);
+                self.settings.color = MODES[(at + 1) % MODES.len()];
             }
             Action::ToggleBridge => {
                 let bridge = &mut self.settings.visibility.bridge;
-                *bridge = if *bridge > 0 { 0 } else { panel::BRIDGE };
+                *bridge = if *bridge > 0 { 0 } else { BRIDGE };
             }
             Action::ToggleLight => {
                 let shade = &mut self.settings.shade;
@@ -67,19 +67,66 @@ impl Viewer {
         Ok(())
     }
 
-    pub(super) fn open_view(&mut self, path: &Path) {
-        let Some(about) = self.data.about() else { return };
-        let place = |v: DVec3| about.base.place(v);
-        let camera = CameraPath::read(path)
-            .map_err(|e| e.to_string())
-            .and_then(|view| view.placed(place).map_err(|e| e.to_string()))
-            .and_then(|view| view.camera(0).map_err(|e| e.to_string()));
-        match camera {
-            Ok(camera) => {
-                self.keep_view();
-                self.set(camera);
+    fn look_from(&mut self, angles: [f64; 2]) {
+        self.navigation.look_from(angles, (&self.data, &self.settings, &self.canvas));
+    }
+
+    /// Begins to save what is seen.
+    fn save_image(&mut self) -> anyhow::Result<()> {
+        let is_free = self.saving.is_none() && !self.writer.is_busy();
+        if self.saving.is_none() {
+            // Keys may have changed them since the last frame.
+            self.apply_settings()?;
+        }
+        if !self.canvas.is_drawn() {
+            self.notify("There is nothing to save yet");
+        } else if !is_free {
+            self.notify("A picture is being saved");
+        } else {
+            let path = save::next_free(Path::new("."), "lasray", "png");
+            let seen = (&self.settings, &self.navigation.camera);
+            self.saving = Saving::begin(&mut self.data, &mut self.canvas, seen, path)?.map(Box::new);
+        }
+        Ok(())
+    }
+
+    /// Has the image written that was drawn for a file, and tells of those that were written.
+    pub(super) fn take_saved(&mut self) -> anyhow::Result<()> {
+        if let Some(saving) = &mut self.saving
+            && let Some(image) = saving.image(&mut self.data)?
+        {
+            let wake = self.wake.clone();
+            let (path, notes) = saving.file(&self.data);
+            self.writer.write(image, path, notes, move || wake());
+            self.saving = None;
+        }
+        for (path, written) in self.writer.take() {
+            match written {
+                Ok(()) => {
+                    self.log.line(format_args!("saved {}", path.display()));
+                    self.notify(format!("Saved {}", shown_path(&path)));
+                }
+                Err(error) => self.notify(error.to_string()),
             }
+            self.window.request_redraw();
+        }
+        Ok(())
+    }
+
+    /// Goes to the view of a file.
+    pub(super) fn open_view(&mut self, path: &Path) {
+        if self.data.about().is_none() {
+            return;
+        }
+        let view = CameraPath::read(path).map_err(|e| e.to_string());
+        match view.and_then(|view| self.navigation.open(&view, &self.data)) {
+            Ok(()) => self.window.request_redraw(),
             Err(why) => self.notify(why),
         }
     }
+}
+
+/// A path as it is told: absolute where that can be found out.
+fn shown_path(path: &Path) -> String {
+    std::path::absolute(path).unwrap_or(path.to_owned()).display().to_string()
 }

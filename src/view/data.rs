@@ -38,7 +38,7 @@ const COUNT_EVERY: Duration = Duration::from_millis(100);
 
 /// What the user decides about reading.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct ReadOptions {
     /// Side of a finest cell, CRS units; `None`: chosen from the data.
     pub cell: Option<f64>,
     /// Coordinate systems and units.
@@ -74,14 +74,14 @@ pub struct FileAbout {
 
 /// What headers and the opening sample tell.
 #[derive(Clone)]
-pub struct About {
+pub struct DataAbout {
     /// Of the whole.
     pub whole: load::About,
     /// In the order of the inputs.
     pub files: Vec<FileAbout>,
 }
 
-impl std::ops::Deref for About {
+impl std::ops::Deref for DataAbout {
     type Target = load::About;
 
     fn deref(&self) -> &load::About {
@@ -92,7 +92,7 @@ impl std::ops::Deref for About {
 /// What a frame finds changed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
-    /// The picture is not what it was.
+    /// The image is not what it was.
     pub changed: bool,
     /// The scene, its grid or its anchor is another one: what was made for the old one is of no use.
     pub is_new_scene: bool,
@@ -102,7 +102,7 @@ pub struct Tick {
 
 /// How far things are.
 #[derive(Clone, Debug, Default)]
-pub struct Status {
+pub struct DataStatus {
     /// Points of all files that are shown.
     pub points: u64,
     /// Points that are decoded and binned.
@@ -115,7 +115,7 @@ pub struct Status {
     pub host_bytes: [u64; 2],
     /// Device memory for sections, bytes, and its budget.
     pub device_bytes: [u64; 2],
-    /// Why the picture is coarser than was asked for.
+    /// Why the image is coarser than was asked for.
     pub reduced_detail: Option<String>,
     /// What went wrong, each once, and what was decided that is not obvious.
     pub messages: Vec<String>,
@@ -138,7 +138,7 @@ enum Purpose {
     First,
     /// These inputs come to what is there.
     More(Vec<OsString>),
-    /// Those that have these places in [`About::files`] have changed.
+    /// Those that have these places in [`DataAbout::files`] have changed.
     Again(Vec<usize>),
 }
 
@@ -146,7 +146,7 @@ enum Purpose {
 type Opened = (Result<Opening, LoadError>, Problems);
 
 /// Files that are being opened.
-struct Coming {
+struct OpeningFiles {
     opening: Receiver<Opened>,
     purpose: Purpose,
     /// As files of the world that is shown.
@@ -158,11 +158,11 @@ type Wake = Arc<dyn Fn() + Send + Sync>;
 
 /// The data of a window.
 pub struct Data {
-    options: Options,
+    options: ReadOptions,
     wake: Wake,
     inputs: Vec<OsString>,
-    coming: Vec<Coming>,
-    about: Option<About>,
+    pending: Vec<OpeningFiles>,
+    about: Option<DataAbout>,
     live: Option<Live>,
     watch: Option<Watch>,
     /// Files that have changed and are to be opened again.
@@ -186,17 +186,17 @@ impl Data {
     pub fn open(
         gpu: &Gpu,
         inputs: Vec<OsString>,
-        options: Options,
+        options: ReadOptions,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> anyhow::Result<Data> {
         let budget = gpu.bytes_for_sections(options.device_bytes);
-        let options = Options { device_bytes: budget, ..options };
+        let options = ReadOptions { device_bytes: budget, ..options };
         let scene = Scene::new(gpu, |order| order, access(gpu, budget), budget, options.visibility, NO_GRID)?;
         let mut data = Data {
             options,
             wake: Arc::new(wake),
             inputs: Vec::new(),
-            coming: Vec::new(),
+            pending: Vec::new(),
             about: None,
             live: None,
             watch: None,
@@ -217,12 +217,12 @@ impl Data {
     }
 
     /// While held, files are read, but nothing comes to the device: see [`Scene::hold`].
-    pub fn hold(&mut self, is_held: bool) {
+    pub fn hold_uploads(&mut self, is_held: bool) {
         self.is_held = is_held;
         self.scene_mut().hold(is_held);
     }
 
-    /// Takes what has arrived, once a frame, and uploads about `upload_bytes` of it; the camera, the picture's size and the
+    /// Takes what has arrived, once a frame, and uploads about `upload_bytes` of it; the camera, the image's size and the
     /// vertical exaggeration say what is wanted.
     pub fn tick(
         &mut self,
@@ -235,18 +235,18 @@ impl Data {
     ) -> anyhow::Result<Tick> {
         let mut tick = Tick::default();
         let news: Vec<_> = self.watch.iter().flat_map(Watch::news).collect();
-        self.look_again(news);
+        self.note_changes(news);
         self.open_again();
         let mut opened = Vec::new();
         // In the order in which they were asked for.
-        while let Some(coming) = self.coming.first() {
-            let come = match coming.opening.try_recv() {
+        while let Some(pending) = self.pending.first() {
+            let come = match pending.opening.try_recv() {
                 Err(error) if error.is_empty() => break,
                 Err(_) => (Err(LoadError::Nothing("reading ended early")), Problems::default()),
                 Ok(come) => come,
             };
-            let coming = self.coming.remove(0);
-            opened.push((come, coming.purpose, coming.is_of_world));
+            let pending = self.pending.remove(0);
+            opened.push((come, pending.purpose, pending.is_of_world));
         }
         for ((opening, problems), purpose, is_of_world) in opened {
             tick.changed = true;
@@ -269,7 +269,7 @@ impl Data {
             }
         }
         let (Some(live), Some(about)) = (&mut self.live, &self.about) else {
-            self.is_complete = self.coming.is_empty();
+            self.is_complete = self.pending.is_empty();
             return Ok(tick);
         };
         let scene = self.scene.as_mut().expect("there is always one");
@@ -291,7 +291,7 @@ impl Data {
         if let Ok(Some(now)) = &ticked {
             tick.changed |= now.changed;
             tick.is_busy = scene.is_busy();
-            self.is_complete = now.complete && self.coming.is_empty();
+            self.is_complete = now.complete && self.pending.is_empty();
             let why = "the sections do not fit the device memory: give more with --device-memory";
             self.failed = now.stuck.then(|| why.to_owned()).or_else(|| live.failed());
         }
@@ -389,7 +389,7 @@ impl Data {
     }
 
     /// Files have changed, are gone, or are there again.
-    fn look_again(&mut self, news: Vec<News>) {
+    fn note_changes(&mut self, news: Vec<News>) {
         let (Some(about), Some(live)) = (&mut self.about, &mut self.live) else { return };
         let (mut lines, mut gone) = (Vec::new(), Vec::new());
         for News { file, is_there } in news {
@@ -412,7 +412,7 @@ impl Data {
 
     /// Opens files that have changed, many at a time: a drive with thousands of them may have come back.
     fn open_again(&mut self) {
-        if self.coming.iter().any(|coming| matches!(coming.purpose, Purpose::Again(_))) {
+        if self.pending.iter().any(|pending| matches!(pending.purpose, Purpose::Again(_))) {
             return;
         }
         let Some(about) = &self.about else { return };
@@ -490,7 +490,7 @@ impl Data {
         self.anchor = grid.height(about.bounds.center().z).unwrap_or(Height(0));
         let mut files: Vec<_> = inputs.iter().map(file_about).collect();
         files.iter_mut().enumerate().for_each(|(source, file)| file.source = source);
-        self.about = Some(About { whole: about, files });
+        self.about = Some(DataAbout { whole: about, files });
         let wake = Arc::clone(&self.wake);
         self.watch = Some(Watch::new(move || wake()));
         self.watch_from(0);
@@ -523,11 +523,11 @@ impl Data {
     }
 
     /// What is known of the data; `None` until headers and the opening sample are read.
-    pub fn about(&self) -> Option<&About> {
+    pub fn about(&self) -> Option<&DataAbout> {
         self.about.as_ref()
     }
 
-    /// The grid and the height that pictures count from.
+    /// The grid and the height that images count from.
     pub fn grid(&self) -> (Grid, Height) {
         (self.grid, self.anchor)
     }
@@ -547,7 +547,7 @@ impl Data {
         self.live.as_ref().map(|live| renderer.table_of_live(self.scene(), live)).unwrap_or_default()
     }
 
-    /// Shows or hides a file, by its place in [`About::files`]. Until the sections that it touches are made anew, their
+    /// Shows or hides a file, by its place in [`DataAbout::files`]. Until the sections that it touches are made anew, their
     /// old versions stay.
     pub fn set_visible(&mut self, file: usize, shown: bool) {
         let Some(about) = self.about.as_mut().and_then(|about| about.files.get_mut(file)) else { return };
@@ -612,7 +612,7 @@ impl Data {
             let _ = send.send((opened, problems));
             wake();
         });
-        self.coming.push(Coming { opening, purpose, is_of_world });
+        self.pending.push(OpeningFiles { opening, purpose, is_of_world });
     }
 
     /// Whether everything that is to be seen is there.
@@ -622,7 +622,7 @@ impl Data {
 
     /// Why nothing is seen, once all is there: every point is hidden.
     fn why_hidden(&self) -> Option<String> {
-        let about = self.about.as_ref().filter(|_| self.is_complete && self.coming.is_empty())?;
+        let about = self.about.as_ref().filter(|_| self.is_complete && self.pending.is_empty())?;
         let scene = self.scene();
         if !scene.shows_nothing() {
             return None;
@@ -632,12 +632,12 @@ impl Data {
     }
 
     /// How far things are.
-    pub fn status(&self) -> Status {
+    pub fn status(&self) -> DataStatus {
         let (now, progress) = (&self.now, &self.now.progress);
         let share = |done: u64, all: u64| if all == 0 { 0.0 } else { done as f64 / all as f64 };
         // Chunks that nothing lacks now count as read.
         let decoded = 1.0 - share(progress.lacking, progress.chunks);
-        Status {
+        DataStatus {
             points: progress.points,
             points_decoded: (progress.points as f64 * decoded) as u64,
             sections_wanted: now.wanted as u64,

@@ -8,7 +8,7 @@ use winit::keyboard::KeyCode;
 
 /// Two clicks closer than this, in time and pixels, are a double click.
 const DOUBLE: (Duration, f64) = (Duration::from_millis(400), 6.0);
-/// Degrees that a drag across the picture's height turns by.
+/// Degrees that a drag across the image's height turns by.
 const TURN: f64 = 180.0;
 /// Distance from a place that one notch of the wheel leaves.
 const NOTCH: f64 = 0.85;
@@ -26,8 +26,8 @@ pub enum Action {
     Back,
     /// Asks for coordinates.
     GoTo,
-    /// Writes the picture.
-    SavePicture,
+    /// Writes the image.
+    SaveImage,
     /// Writes the view.
     SaveView,
     /// Asks for a view to read.
@@ -94,7 +94,7 @@ pub fn action(key: KeyCode, control: bool, shift: bool) -> Option<Action> {
         KeyCode::Digit6 | KeyCode::Numpad6 => standard(5),
         KeyCode::Backspace => Some(Action::Back),
         KeyCode::KeyG => Some(Action::GoTo),
-        KeyCode::KeyP => Some(Action::SavePicture),
+        KeyCode::KeyP => Some(Action::SaveImage),
         KeyCode::KeyC => Some(Action::NextColor),
         KeyCode::KeyB => Some(Action::ToggleBridge),
         KeyCode::KeyL => Some(Action::ToggleLight),
@@ -106,7 +106,7 @@ pub fn action(key: KeyCode, control: bool, shift: bool) -> Option<Action> {
     }
 }
 
-/// A move of the camera, in pixels from the picture's top left corner.
+/// A move of the camera, in pixels from the image's top left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Move {
     /// A drag begins here: what lies here is held.
@@ -128,9 +128,9 @@ pub enum Move {
     Recentre([f64; 2]),
 }
 
-/// Mouse and held keys over the picture.
+/// Mouse and held keys over the image.
 #[derive(Debug, Default)]
-pub struct Input {
+pub struct InputState {
     cursor: Option<[f64; 2]>,
     dragged: Option<MouseButton>,
     click: Option<(Instant, [f64; 2])>,
@@ -139,13 +139,13 @@ pub struct Input {
     speed: Option<f64>,
 }
 
-impl Input {
+impl InputState {
     /// Where the cursor is, if it is over the window.
     pub fn cursor(&self) -> Option<[f64; 2]> {
         self.cursor
     }
 
-    /// The cursor moved; `height`: of the picture, pixels.
+    /// The cursor moved; `height`: of the image, pixels.
     pub fn moved(&mut self, to: [f64; 2], height: f64) -> Option<Move> {
         let from = self.cursor.replace(to)?;
         let by = [to[0] - from[0], to[1] - from[1]];
@@ -168,7 +168,7 @@ impl Input {
         }
     }
 
-    /// A button went down over the picture.
+    /// A button went down over the image.
     pub fn pressed(&mut self, button: MouseButton, now: Instant) -> Option<Move> {
         let at = self.cursor?;
         if !matches!(button, MouseButton::Left | MouseButton::Right) {
@@ -254,7 +254,7 @@ mod tests {
     #[test]
     fn drags_orbit_pan_and_look() {
         let now = Instant::now();
-        let mut input = Input::default();
+        let mut input = InputState::default();
         assert_eq!(input.pressed(MouseButton::Left, now), None, "the cursor is elsewhere");
         assert_eq!(input.moved([100.0, 50.0], 900.0), None);
         assert_eq!(input.pressed(MouseButton::Left, now), Some(Move::Grab([100.0, 50.0])));
@@ -277,7 +277,7 @@ mod tests {
     fn two_quick_clicks_recentre_and_a_third_is_a_first_one() {
         let start = Instant::now();
         let after = |ms| start + Duration::from_millis(ms);
-        let mut input = Input::default();
+        let mut input = InputState::default();
         input.moved([10.0, 10.0], 100.0);
         let mut click = |ms| {
             let said = input.pressed(MouseButton::Left, after(ms));
@@ -295,7 +295,7 @@ mod tests {
 
     #[test]
     fn the_wheel_zooms_and_sets_the_speed_of_a_flight() {
-        let mut input = Input::default();
+        let mut input = InputState::default();
         assert_eq!(input.wheel(1.0), None);
         input.moved([5.0, 6.0], 100.0);
         assert_eq!(input.wheel(1.0), Some(Move::Zoom { at: [5.0, 6.0], factor: NOTCH }));

@@ -25,7 +25,7 @@ pub enum Standard {
     South,
     /// Looking west.
     West,
-    /// As pictures are framed without a camera.
+    /// As images are framed without a camera.
     Oblique,
 }
 
@@ -47,7 +47,7 @@ impl Standard {
     }
 }
 
-/// Direction of the ray through `at` (shares of the picture's width and height); its part along the view is 1 for
+/// Direction of the ray through `at` (shares of the image's width and height); its part along the view is 1 for
 /// perspectives. Where it starts, too.
 pub fn ray(camera: &Camera, at: [f64; 2], size: [u32; 2]) -> Result<(DVec3, DVec3), CameraError> {
     let basis = camera.basis(size)?;
@@ -59,7 +59,7 @@ fn pixel(at: [f64; 2], size: [u32; 2]) -> [f64; 2] {
     std::array::from_fn(|axis| at[axis] * f64::from(size[axis]) - 0.5)
 }
 
-/// Where `place` is seen, shares of the picture's width and height; `None` behind the camera.
+/// Where `place` is seen, shares of the image's width and height; `None` behind the camera.
 pub fn seen_at(camera: &Camera, place: DVec3, size: [u32; 2]) -> Option<[f64; 2]> {
     let away = place - camera.eye();
     let [x, y, depth] = [camera.right(), camera.up(), camera.forward()].map(|axis| away.dot(axis));
@@ -89,7 +89,7 @@ pub fn units_per_pixel(camera: &Camera, place: DVec3, size: [u32; 2]) -> f64 {
     }
 }
 
-/// Turns about `pivot`, which stays where it is in the picture. `turn`: degrees of azimuth and elevation.
+/// Turns about `pivot`, which stays where it is in the image. `turn`: degrees of azimuth and elevation.
 pub fn orbit(camera: &Camera, pivot: DVec3, turn: [f64; 2]) -> Result<Camera, CameraError> {
     let [azimuth, elevation] = camera.angles();
     let angles = [azimuth + turn[0], (elevation + turn[1]).clamp(-STEEPEST, STEEPEST)];
@@ -125,7 +125,7 @@ pub fn pan(camera: &Camera, held: DVec3, pixels: [f64; 2], size: [u32; 2]) -> Re
     shift(camera, camera.right() * (-pixels[0] * step) + camera.up() * (pixels[1] * step))
 }
 
-/// Brings the eye to `factor` times its distance from `place`, which stays where it is in the picture.
+/// Brings the eye to `factor` times its distance from `place`, which stays where it is in the image.
 pub fn zoom(camera: &Camera, place: DVec3, factor: f64, bounds: &Bounds) -> Result<Camera, CameraError> {
     if let Projection::Orthographic { units_per_pixel } = camera.projection() {
         let projection = Projection::Orthographic { units_per_pixel: units_per_pixel * factor };
@@ -147,7 +147,7 @@ pub fn zoom(camera: &Camera, place: DVec3, factor: f64, bounds: &Bounds) -> Resu
     Camera::orbit(eye + camera.forward() * distance, angles(camera), distance, camera.projection())
 }
 
-/// Brings `place` to the middle of the picture, as far away as it is.
+/// Brings `place` to the middle of the image, as far away as it is.
 pub fn recentre(camera: &Camera, place: DVec3) -> Result<Camera, CameraError> {
     let before = (camera.target() - camera.eye()).length();
     let distance = (place - camera.eye()).dot(camera.forward()).max(before * NEAREST);

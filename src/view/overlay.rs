@@ -1,4 +1,4 @@
-//! What is drawn over the picture: north arrow, scale bar, the frame of data that is still to come.
+//! What is drawn over the image: north arrow, scale bar, the frame of data that is still to come.
 
 use super::navigate::{seen_at, units_per_pixel};
 use crate::coords::Bounds;
@@ -7,22 +7,30 @@ use crate::text::tidy;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
 use glam::DVec3;
 
-/// Over a picture of any brightness.
+/// Over an image of any brightness.
 const INK: Color32 = Color32::from_rgb(246, 247, 248);
 const SHADOW: Color32 = Color32::from_black_alpha(150);
 const NORTH: Color32 = Color32::from_rgb(232, 86, 66);
-/// Distance from the picture's corner, points.
+/// Distance from the image's corner, points.
 const MARGIN: f32 = 18.0;
 /// Longest scale bar, points.
 const LONGEST: f64 = 180.0;
 
-/// A picture's place in the window: points, and the pixels in it.
+/// The image's part of the window: points, and the pixels in it.
 #[derive(Clone, Copy)]
-pub struct Place {
+pub struct ImageArea {
     /// In points.
     pub rect: Rect,
     /// In pixels.
     pub size: [u32; 2],
+}
+
+impl ImageArea {
+    /// A place in the image, pixels from its corner, in shares of its width and height.
+    pub fn share(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [width, height] = self.size.map(|n| f64::from(n.max(1)));
+        [x / width, y / height]
+    }
 }
 
 /// 1, 2 or 5 times a power of ten, at most `most`.
@@ -53,11 +61,11 @@ fn text(painter: &Painter, at: Pos2, align: Align2, words: &str, size: f32) -> R
 }
 
 /// Points to the north: a compass that lies flat, whatever the elevation.
-pub fn north_arrow(painter: &Painter, place: Place, camera: &Camera) {
+pub fn north_arrow(painter: &Painter, area: ImageArea, camera: &Camera) {
     let (sin, cos) = (camera.angles()[0].to_radians() as f32).sin_cos();
     let north = vec2(-sin, -cos);
     let radius = 26.0;
-    let center = pos2(place.rect.right() - MARGIN - radius, place.rect.top() + MARGIN + radius);
+    let center = pos2(area.rect.right() - MARGIN - radius, area.rect.top() + MARGIN + radius);
     painter.circle_filled(center, radius, Color32::from_black_alpha(120));
     painter.circle_stroke(center, radius, Stroke::new(1.0, Color32::from_white_alpha(60)));
     let across = north.rot90() * 5.0;
@@ -69,15 +77,15 @@ pub fn north_arrow(painter: &Painter, place: Place, camera: &Camera) {
 }
 
 /// A bar of a round length at the distance of `target`, the middle of what is looked at.
-pub fn scale_bar(painter: &Painter, place: Place, camera: &Camera, target: DVec3, unit: Option<&str>) {
-    let points_per_pixel = f64::from(place.rect.width()) / f64::from(place.size[0].max(1));
-    let per_point = units_per_pixel(camera, target, place.size) / points_per_pixel;
+pub fn scale_bar(painter: &Painter, area: ImageArea, camera: &Camera, target: DVec3, unit: Option<&str>) {
+    let points_per_pixel = f64::from(area.rect.width()) / f64::from(area.size[0].max(1));
+    let per_point = units_per_pixel(camera, target, area.size) / points_per_pixel;
     if !(per_point.is_finite() && per_point > 0.0) {
         return;
     }
     let length = round_length(LONGEST * per_point);
     let width = (length / per_point) as f32;
-    let left = pos2(place.rect.left() + MARGIN, place.rect.bottom() - MARGIN);
+    let left = pos2(area.rect.left() + MARGIN, area.rect.bottom() - MARGIN);
     let line = |painter: &Painter, by: Vec2, stroke: Stroke| {
         let (a, b) = (left + by, left + by + vec2(width, 0.0));
         painter.line_segment([a, b], stroke);
@@ -92,15 +100,15 @@ pub fn scale_bar(painter: &Painter, place: Place, camera: &Camera, target: DVec3
 }
 
 /// The edges of `bounds`.
-pub fn frame(painter: &Painter, place: Place, camera: &Camera, bounds: &Bounds) {
+pub fn frame(painter: &Painter, area: ImageArea, camera: &Camera, bounds: &Bounds) {
     let corner = |k: usize| {
         let pick = |bit: usize, a: f64, b: f64| if k & bit == 0 { a } else { b };
         let (low, high) = (bounds.min, bounds.max);
         DVec3::new(pick(1, low.x, high.x), pick(2, low.y, high.y), pick(4, low.z, high.z))
     };
     let at = |k: usize| {
-        let [x, y] = seen_at(camera, corner(k), place.size)?;
-        Some(place.rect.min + vec2(x as f32 * place.rect.width(), y as f32 * place.rect.height()))
+        let [x, y] = seen_at(camera, corner(k), area.size)?;
+        Some(area.rect.min + vec2(x as f32 * area.rect.width(), y as f32 * area.rect.height()))
     };
     for a in 0..8 {
         for bit in [1, 2, 4] {
@@ -113,10 +121,10 @@ pub fn frame(painter: &Painter, place: Place, camera: &Camera, bounds: &Bounds) 
     }
 }
 
-/// A line for the user in the picture's lower middle.
-pub fn notice(painter: &Painter, place: Place, words: &str) {
-    let at = pos2(place.rect.center().x, place.rect.bottom() - 60.0);
-    let room = place.rect.width() - 2.0 * MARGIN;
+/// A line for the user in the image's lower middle.
+pub fn notice(painter: &Painter, area: ImageArea, words: &str) {
+    let at = pos2(area.rect.center().x, area.rect.bottom() - 60.0);
+    let room = area.rect.width() - 2.0 * MARGIN;
     let galley = painter.layout(words.to_owned(), FontId::proportional(14.0), INK, room);
     let rect = Rect::from_center_size(at, galley.size());
     painter.rect_filled(rect.expand2(vec2(14.0, 9.0)), 6.0, Color32::from_black_alpha(190));

@@ -1,10 +1,10 @@
-//! How much of a picture one frame traces, so that the window stays at hand on slow devices. Pure.
+//! How much of an image one frame traces, so that the window stays at hand on slow devices. Pure.
 
 use std::time::{Duration, Instant};
 
 /// What one frame may take on the device, milliseconds.
 const FRAME_MS: f64 = 50.0;
-/// Coarsest pictures: this share of the width and height.
+/// Coarsest images: this share of the width and height.
 const COARSEST: f64 = 0.25;
 /// Steps of the share, so that sizes do not flicker.
 const STEPS: f64 = 16.0;
@@ -30,26 +30,26 @@ impl Pace {
         }
     }
 
-    /// Share of the width and height of a picture of `full` pixels that is traced while things move.
+    /// Share of the width and height of an image of `full` pixels that is traced while things move.
     fn share(&self, full: [u32; 2]) -> f64 {
         let pixels = f64::from(full[0]) * f64::from(full[1]);
         let share = (FRAME_MS / (self.ms_per_pixel * pixels)).sqrt();
         ((share * STEPS).floor() / STEPS).clamp(COARSEST, 1.0)
     }
 
-    /// Size of the picture while things move, for one of `full` at rest.
+    /// Size of the image while things move, for one of `full` at rest.
     pub fn coarse(&self, full: [u32; 2]) -> [u32; 2] {
         let share = self.share(full);
         full.map(|side| ((f64::from(side) * share).round() as u32).max(1))
     }
 
     /// Bytes of sections to upload in a frame while things move, for `most` at rest: what is derived of them takes the
-    /// device's time from the picture.
+    /// device's time from the image.
     pub fn upload_bytes(&self, full: [u32; 2], most: u64) -> u64 {
         (most as f64 * self.share(full).powi(2)) as u64
     }
 
-    /// Rows of a picture `width` pixels wide that a frame may trace.
+    /// Rows of an image `width` pixels wide that a frame may trace.
     pub fn rows(&self, width: u32) -> u32 {
         (FRAME_MS / (self.ms_per_pixel * f64::from(width))).clamp(1.0, 1e6) as u32
     }

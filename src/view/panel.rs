@@ -1,10 +1,11 @@
-//! The panel beside the picture, the status bar below it, and the small boxes over it.
+//! The panel beside the image, the status bar below it, and the small boxes over it.
 
-use super::data::{About, Status};
+use super::data::{DataAbout, DataStatus};
 use super::input::KEYS;
+use super::settings::{BRIDGE, MODES, Settings};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color, class_name};
 use crate::render::frame::Shade;
-use crate::render::screen::Place;
+use crate::render::screen::PickedPoint;
 use crate::resident::visibility::Visibility;
 use crate::source::crs::CrsKind;
 use crate::text::{harmless, tidy};
@@ -24,28 +25,12 @@ const LINE: f32 = 20.0;
 const PLOTTED: usize = 120;
 /// Classes that are listed even if the sample has none: they are hidden at first.
 const NOISE: [u8; 2] = [7, 18];
-/// Longest hole that is bridged, cells.
-pub const BRIDGE: u32 = 4;
-
 const GROUND: Color32 = Color32::from_rgb(27, 29, 33);
 const WELL: Color32 = Color32::from_rgb(18, 19, 22);
 const TEXT: Color32 = Color32::from_rgb(218, 221, 226);
 const WEAK: Color32 = Color32::from_rgb(142, 148, 158);
 const ACCENT: Color32 = Color32::from_rgb(86, 156, 214);
 const WARN: Color32 = Color32::from_rgb(230, 170, 80);
-
-/// What the user has chosen to see.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// What colours show.
-    pub color: ColorMode,
-    /// Classes, withheld points, bridges.
-    pub visibility: Visibility,
-    /// Vertical exaggeration.
-    pub z_scale: f64,
-    /// Light.
-    pub shade: Shade,
-}
 
 /// The last values of something, for a plot.
 #[derive(Default)]
@@ -65,7 +50,7 @@ impl History {
 
 /// Milliseconds of the stages of frames.
 #[derive(Default)]
-pub struct Times {
+pub struct StageTimes {
     /// From one frame to the next, while there is something to do.
     pub frame: History,
     /// On the device.
@@ -75,24 +60,24 @@ pub struct Times {
 }
 
 /// What the panel shows.
-pub struct Shown<'a> {
+pub struct PanelContent<'a> {
     /// Files, classes, units.
-    pub about: Option<&'a About>,
+    pub about: Option<&'a DataAbout>,
     /// Progress, memory, messages.
-    pub status: &'a Status,
+    pub status: &'a DataStatus,
     /// The colours in use.
     pub colors: Option<&'a ColorTable>,
     /// Plots.
-    pub times: &'a Times,
+    pub times: &'a StageTimes,
     /// What lies under the cursor.
-    pub under_cursor: Option<Place>,
+    pub under_cursor: Option<PickedPoint>,
     /// What is going on, in short.
     pub state: String,
 }
 
 /// What the user asks for.
 #[derive(Debug, Default)]
-pub struct Asked {
+pub struct PanelRequests {
     /// A file by its place in the list is to be shown, or hidden.
     pub file: Option<(usize, bool)>,
     /// Coordinates to go to, as typed: E, N and perhaps U, of the files.
@@ -264,8 +249,8 @@ fn plot(ui: &mut Ui, name: &str, history: &History) {
 }
 
 /// What lies under the cursor, in coordinates of the world's system.
-pub fn coordinates(place: &Place, about: &About) -> String {
-    let world = DVec3 { z: place.height, ..place.shown };
+pub fn coordinates(point: &PickedPoint, about: &DataAbout) -> String {
+    let world = DVec3 { z: point.height, ..point.shown };
     let at = about.base.unplace(world);
     let unit = about.unit.as_ref().map_or("", |u| u.symbol());
     let is_degrees = about.crs.as_ref().is_some_and(|crs| crs.kind == CrsKind::Geographic);
@@ -306,12 +291,12 @@ impl Panel {
         (self.go_to, self.open_view, self.has_keys, self.refused) = (None, None, false, None);
     }
 
-    /// Lays out everything but the picture, which gets what is left of `ui`.
-    pub fn show(&mut self, ui: &mut Ui, settings: &mut Settings, shown: &Shown) -> Asked {
-        let mut asked = Asked::default();
+    /// Lays out everything but the image, which gets what is left of `ui`.
+    pub fn show(&mut self, ui: &mut Ui, settings: &mut Settings, content: &PanelContent) -> PanelRequests {
+        let mut requests = PanelRequests::default();
         let margin = Margin::symmetric(12, 3);
         let frame = egui::Frame::new().fill(GROUND).inner_margin(margin);
-        egui::Panel::bottom("status").exact_size(26.0).frame(frame).show(ui, |ui| self.status(ui, shown));
+        egui::Panel::bottom("status").exact_size(26.0).frame(frame).show(ui, |ui| self.status(ui, content));
         if self.is_open {
             let frame = egui::Frame::new().fill(GROUND).inner_margin(Margin {
                 left: 12,
@@ -322,27 +307,27 @@ impl Panel {
             egui::Panel::left("panel").exact_size(WIDTH).resizable(false).frame(frame).show(ui, |ui| {
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     ui.set_width(WIDTH - 30.0);
-                    self.parts(ui, settings, shown, &mut asked);
+                    self.parts(ui, settings, content, &mut requests);
                 });
             });
         }
-        self.boxes(ui.ctx(), &mut asked);
-        asked
+        self.boxes(ui.ctx(), &mut requests);
+        requests
     }
 
-    fn status(&self, ui: &mut Ui, shown: &Shown) {
+    fn status(&self, ui: &mut Ui, content: &PanelContent) {
         ui.horizontal_centered(|ui| {
-            match (&shown.under_cursor, shown.about) {
-                (Some(place), Some(about)) => {
-                    ui.label(RichText::new(coordinates(place, about)).monospace());
+            match (&content.under_cursor, content.about) {
+                (Some(point), Some(about)) => {
+                    ui.label(RichText::new(coordinates(point, about)).monospace());
                     ui.separator();
-                    let [r, g, b] = class_color(place.class);
+                    let [r, g, b] = class_color(point.class);
                     let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
                     ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
-                    ui.label(format!("{} {}", place.class, class_name(place.class)));
+                    ui.label(format!("{} {}", point.class, class_name(point.class)));
                 }
                 _ => {
-                    let crs = shown.about.map(|about| match &about.crs {
+                    let crs = content.about.map(|about| match &about.crs {
                         Some(crs) => crs.name.clone(),
                         None => "no coordinate system is named".to_owned(),
                     });
@@ -352,13 +337,19 @@ impl Panel {
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 ui.label(weak("? keys"));
                 ui.separator();
-                ui.label(weak(&shown.state));
+                ui.label(weak(&content.state));
             });
         });
     }
 
-    fn parts(&mut self, ui: &mut Ui, settings: &mut Settings, shown: &Shown, asked: &mut Asked) {
-        let unit = shown.about.and_then(|about| about.unit.as_ref()).map_or("", |u| u.symbol());
+    fn parts(
+        &mut self,
+        ui: &mut Ui,
+        settings: &mut Settings,
+        content: &PanelContent,
+        requests: &mut PanelRequests,
+    ) {
+        let unit = content.about.and_then(|about| about.unit.as_ref()).map_or("", |u| u.symbol());
         part(ui, "Colour", true, |ui| {
             ui.horizontal(|ui| {
                 ui.spacing_mut().item_spacing.x = 2.0;
@@ -373,7 +364,7 @@ impl Panel {
                     ui.selectable_value(&mut settings.color, mode, words);
                 }
             });
-            match shown.colors {
+            match content.colors {
                 Some(ColorTable { constant: Some(constant), .. }) => {
                     ui.label(weak(constant));
                 }
@@ -396,7 +387,7 @@ impl Panel {
                 None => {}
             }
         });
-        part(ui, "Classes", true, |ui| classes(ui, &mut settings.visibility, shown));
+        part(ui, "Classes", true, |ui| classes(ui, &mut settings.visibility, content));
         part(ui, "Picture", true, |ui| {
             ui.horizontal(|ui| {
                 ui.label("Height ×");
@@ -421,25 +412,25 @@ impl Panel {
             }
             ui.checkbox(&mut settings.visibility.withheld, "Withheld points");
         });
-        part(ui, "Files", true, |ui| files(ui, shown, asked));
-        part(ui, "Data", true, |ui| data(ui, shown));
+        part(ui, "Files", true, |ui| files(ui, content, requests));
+        part(ui, "Data", true, |ui| data(ui, content));
         part(ui, "Times", false, |ui| {
-            plot(ui, "frame", &shown.times.frame);
-            plot(ui, "trace", &shown.times.trace);
-            plot(ui, "upload", &shown.times.upload);
-            pair(ui, "read", bytes(shown.status.bytes_read));
+            plot(ui, "frame", &content.times.frame);
+            plot(ui, "trace", &content.times.trace);
+            plot(ui, "upload", &content.times.upload);
+            pair(ui, "read", bytes(content.status.bytes_read));
         });
-        if !shown.status.messages.is_empty() {
-            let name = format!("Messages ({})", shown.status.messages.len());
+        if !content.status.messages.is_empty() {
+            let name = format!("Messages ({})", content.status.messages.len());
             part(ui, &name, true, |ui| {
-                for line in &shown.status.messages {
+                for line in &content.status.messages {
                     ui.label(RichText::new(line).small());
                 }
             });
         }
     }
 
-    fn boxes(&mut self, context: &egui::Context, asked: &mut Asked) {
+    fn boxes(&mut self, context: &egui::Context, requests: &mut PanelRequests) {
         let focus = std::mem::take(&mut self.focus);
         let line = |title: &str, hint: &str, text: &mut String, refused: &Option<String>| {
             let mut done = false;
@@ -460,7 +451,7 @@ impl Panel {
         {
             match typed(text) {
                 Ok(place) => {
-                    asked.go_to = Some(place);
+                    requests.go_to = Some(place);
                     self.close();
                 }
                 Err(why) => (self.refused, self.focus) = (Some(why), true),
@@ -469,7 +460,7 @@ impl Panel {
         if let Some(text) = &mut self.open_view
             && line("Open a view", "file with a camera path", text, &self.refused)
         {
-            asked.open = Some(PathBuf::from(text.trim()));
+            requests.open = Some(PathBuf::from(text.trim()));
             self.close();
         }
         if self.has_keys {
@@ -493,15 +484,11 @@ fn boxed(title: &str) -> egui::Window<'_> {
     egui::Window::new(title).anchor(Align2::CENTER_CENTER, Vec2::ZERO).collapsible(false).resizable(false)
 }
 
-/// In the order of the panel and of the key that goes through them.
-pub const MODES: [ColorMode; 5] =
-    [ColorMode::Rgb, ColorMode::Height, ColorMode::Class, ColorMode::Intensity, ColorMode::Return];
-
 const RETURNS: [ReturnKind; 5] =
     [ReturnKind::Single, ReturnKind::First, ReturnKind::Intermediate, ReturnKind::Last, ReturnKind::Unknown];
 
-fn classes(ui: &mut Ui, visibility: &mut Visibility, shown: &Shown) {
-    let Some(about) = shown.about else {
+fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
+    let Some(about) = content.about else {
         ui.label(weak("…"));
         return;
     };
@@ -545,8 +532,8 @@ fn classes(ui: &mut Ui, visibility: &mut Visibility, shown: &Shown) {
     });
 }
 
-fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
-    let files = shown.about.map_or(&[][..], |about| &about.files);
+fn files(ui: &mut Ui, content: &PanelContent, requests: &mut PanelRequests) {
+    let files = content.about.map_or(&[][..], |about| &about.files);
     if files.is_empty() {
         ui.label(weak("Drop files or folders into the window"));
     }
@@ -558,9 +545,9 @@ fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
             ui.horizontal(|ui| {
                 let mut is_shown = file.shown;
                 let check = ui.add(Checkbox::without_text(&mut is_shown));
-                asked.checks.push((index, check.rect.center()));
+                requests.checks.push((index, check.rect.center()));
                 if check.changed() {
-                    asked.file = Some((index, is_shown));
+                    requests.file = Some((index, is_shown));
                 }
                 ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                     ui.label(weak(short(file.points)));
@@ -577,8 +564,8 @@ fn files(ui: &mut Ui, shown: &Shown, asked: &mut Asked) {
     });
 }
 
-fn data(ui: &mut Ui, shown: &Shown) {
-    let status = shown.status;
+fn data(ui: &mut Ui, content: &PanelContent) {
+    let status = content.status;
     let (read, all) = (status.points_decoded, status.points);
     bar(ui, "points read", [read, all], format!("{} of {}", short(read), short(all)));
     let [wanted, resident] = [status.sections_wanted, status.sections_resident];
@@ -590,7 +577,7 @@ fn data(ui: &mut Ui, shown: &Shown) {
     if let Some(why) = &status.reduced_detail {
         ui.label(RichText::new(format!("Reduced detail: {why}")).color(WARN).small());
     }
-    if let Some(about) = shown.about {
+    if let Some(about) = content.about {
         let size = (about.bounds.max - about.bounds.min).round();
         let unit = about.unit.as_ref().map_or("units", |u| u.symbol());
         pair(ui, "extent", format!("{} × {} × {} {unit}", tidy(size.x), tidy(size.y), tidy(size.z)));

@@ -1,7 +1,7 @@
-//! What leaves the window: pictures, views, and the command line that draws the same.
+//! What leaves the window: images, views, and the command line that draws the same.
 
-use super::data::{self, About};
-use super::panel::Settings;
+use super::data::{self, DataAbout};
+use super::settings::Settings;
 use crate::attribute::ClassMask;
 use crate::render::camera::{Camera, Projection};
 use crate::render::frame::Shade;
@@ -28,7 +28,7 @@ pub fn last_taken(folder: &Path, stem: &str, extension: &str) -> Option<PathBuf>
 }
 
 /// The view as a camera path of one keyframe, in coordinates of the world's system.
-pub fn view(camera: &Camera, about: Option<&About>) -> Result<CameraPath, String> {
+pub fn view(camera: &Camera, about: Option<&DataAbout>) -> Result<CameraPath, String> {
     let path = CameraPath::view(camera);
     match about {
         Some(about) => path.placed(|v| about.base.unplace(v)).map_err(|e| e.to_string()),
@@ -64,10 +64,10 @@ fn quoted(word: &str) -> String {
 pub fn command(
     inputs: &[OsString],
     camera: &Camera,
-    about: &About,
+    about: &DataAbout,
     settings: &Settings,
     size: [u32; 2],
-    opened: &data::Options,
+    opened: &data::ReadOptions,
 ) -> String {
     // To millimetres of metres, and of what is nearer than one unit to as much of its distance.
     let distance = (camera.target() - camera.eye()).length();

@@ -1,10 +1,8 @@
-//! Pictures on their way to files: drawn in bands beside the window's frames, written by a thread.
+//! Images on their way to files: drawn in bands beside the window's frames, written by a thread.
 
+use super::canvas::Canvas;
 use super::data::Data;
-use super::panel::Settings;
-use super::redraw::traced;
-use super::{SAMPLES, Viewer, save, shown_path};
-use crate::attribute::{ColorMode, ColorTable};
+use super::settings::{Colors, SAMPLES, Settings, view_of};
 use crate::gpu::{Buffer, Commands, SyncPoint};
 use crate::output::Output;
 use crate::render::camera::Camera;
@@ -13,17 +11,17 @@ use crate::render::image::{Image, ImageError, notes};
 use crate::render::screen::Screen;
 use crate::resident::table::Table;
 use crossbeam_channel::{Receiver, Sender, unbounded};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// A picture that is being drawn. Until it is, nothing comes to the device and nothing goes: it is of one moment.
+/// An image that is being drawn. Until it is, nothing comes to the device and nothing goes: it is of one moment.
 pub struct Saving {
     renderer: Renderer,
     screen: Screen,
     camera: Camera,
     settings: Settings,
-    colors: (ColorMode, ColorTable),
+    colors: Colors,
     size: [u32; 2],
     table: Arc<Table>,
     path: PathBuf,
@@ -32,6 +30,34 @@ pub struct Saving {
 }
 
 impl Saving {
+    /// Begins to draw what is seen, for a file at `path`; `None` where there is nothing to draw yet.
+    pub fn begin(
+        data: &mut Data,
+        canvas: &mut Canvas,
+        (settings, camera): (&Settings, &Camera),
+        path: PathBuf,
+    ) -> anyhow::Result<Option<Saving>> {
+        let (Some(colors), Some(renderer)) = (canvas.colors().cloned(), canvas.renderer()) else {
+            return Ok(None);
+        };
+        let table = data.table(renderer);
+        let (grid, anchor) = data.grid();
+        let size = canvas.size();
+        let mut screen = Screen::default();
+        screen.start(size);
+        Ok(Some(Saving {
+            renderer: Renderer::new(data.scene(), grid, anchor)?,
+            screen,
+            camera: *camera,
+            settings: settings.clone(),
+            colors,
+            size,
+            table,
+            path,
+            copied: None,
+        }))
+    }
+
     /// Records the next band of at most `rows` rows, and the copy once all are there; whether a copy was recorded.
     pub fn record(
         &mut self,
@@ -39,7 +65,7 @@ impl Saving {
         (commands, slot): (&mut Commands, usize),
         rows: u32,
     ) -> anyhow::Result<bool> {
-        let Some(view) = traced(data, &self.settings, &self.camera, Some(&self.colors), self.size) else {
+        let Some(view) = view_of(data, &self.settings, &self.camera, Some(&self.colors), self.size) else {
             return Ok(false);
         };
         let scene = data.scene_mut();
@@ -64,8 +90,13 @@ impl Saving {
         }
     }
 
-    /// The picture, once it is there.
-    fn image(&mut self, data: &mut Data) -> anyhow::Result<Option<Image>> {
+    /// Where it goes, and what is told in the file.
+    pub fn file(&self, data: &Data) -> (PathBuf, [(&'static str, String); 3]) {
+        (self.path.clone(), notes(&self.camera, &data.grid().0))
+    }
+
+    /// The image, once it is there.
+    pub fn image(&mut self, data: &mut Data) -> anyhow::Result<Option<Image>> {
         let Some((back, Some(point))) = &self.copied else { return Ok(None) };
         let order = &mut data.scene_mut().order;
         if !order.reached(*point)? {
@@ -78,9 +109,9 @@ impl Saving {
 }
 
 /// What became of a file.
-type Written = (PathBuf, Result<(), ImageError>);
+pub type Written = (PathBuf, Result<(), ImageError>);
 
-/// Writes pictures; those under way are finished before it is gone.
+/// Writes images; those under way are finished before it is gone.
 pub struct Writer {
     send: Sender<Written>,
     written: Receiver<Written>,
@@ -95,7 +126,8 @@ impl Default for Writer {
 }
 
 impl Writer {
-    fn write(
+    /// Has a thread write an image; `wake` is called when it has.
+    pub fn write(
         &mut self,
         image: Image,
         path: PathBuf,
@@ -112,11 +144,13 @@ impl Writer {
         }));
     }
 
-    fn is_busy(&self) -> bool {
+    /// Whether an image is being written.
+    pub fn is_busy(&self) -> bool {
         !self.threads.is_empty()
     }
 
-    fn take(&mut self) -> Vec<Written> {
+    /// What was written since.
+    pub fn take(&mut self) -> Vec<Written> {
         let written: Vec<_> = self.written.try_iter().collect();
         if !written.is_empty() {
             self.finish();
@@ -134,64 +168,5 @@ impl Writer {
 impl Drop for Writer {
     fn drop(&mut self) {
         self.finish();
-    }
-}
-
-impl Viewer {
-    /// Begins to save what is seen.
-    pub(super) fn save_picture(&mut self) -> anyhow::Result<()> {
-        let size = self.place.size;
-        if self.saving.is_none() {
-            // Keys may have changed them since the last frame.
-            self.has_news |= self.apply_settings()?;
-        }
-        let (Some(renderer), Some(colors)) = (&mut self.renderer, &self.colors) else {
-            self.notify("There is nothing to save yet");
-            return Ok(());
-        };
-        if self.saving.is_some() || self.writer.is_busy() {
-            self.notify("A picture is being saved");
-            return Ok(());
-        }
-        let path = save::next_free(Path::new("."), "lasray", "png");
-        let table = self.data.table(renderer);
-        let (grid, anchor) = self.data.grid();
-        let mut screen = Screen::default();
-        screen.start(size);
-        self.saving = Some(Box::new(Saving {
-            renderer: Renderer::new(self.data.scene(), grid, anchor)?,
-            screen,
-            camera: self.camera,
-            settings: self.settings.clone(),
-            colors: colors.clone(),
-            size,
-            table,
-            path,
-            copied: None,
-        }));
-        Ok(())
-    }
-
-    /// Has the picture written that is drawn, and tells of those that were written.
-    pub(super) fn take_saved(&mut self) -> anyhow::Result<()> {
-        if let Some(saving) = &mut self.saving
-            && let Some(image) = saving.image(&mut self.data)?
-        {
-            let wake = self.wake.clone();
-            let notes = notes(&saving.camera, &self.data.grid().0);
-            self.writer.write(image, saving.path.clone(), notes, move || wake());
-            self.saving = None;
-        }
-        for (path, written) in self.writer.take() {
-            match written {
-                Ok(()) => {
-                    self.log(format_args!("saved {}", path.display()));
-                    self.notify(format!("Saved {}", shown_path(&path)));
-                }
-                Err(error) => self.notify(error.to_string()),
-            }
-            self.window.request_redraw();
-        }
-        Ok(())
     }
 }

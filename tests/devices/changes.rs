@@ -29,7 +29,7 @@ struct Seen {
 
 impl Seen {
     fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
-        let options = view::data::Options {
+        let options = view::data::ReadOptions {
             cell: Some(0.25),
             placement: PlacementOptions::default(),
             rgb_bits: None,

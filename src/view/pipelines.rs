@@ -1,5 +1,5 @@
-//! The device's programs, made on threads of their own: a driver may take seconds to compile them, and the window answers
-//! meanwhile.
+//! The pipelines of a window, made on threads of their own: a driver may take seconds to compile them, and the window
+//! answers meanwhile.
 
 use crate::gpu::{ComputePipeline, DeviceKind, Gpu, GpuError, Recipe};
 use crate::render::{frame, screen};
@@ -9,22 +9,22 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 
-/// Most threads that make programs.
+/// Most threads that make pipelines.
 const MOST_THREADS: usize = 4;
 
 /// See the module.
-pub struct Programs {
+pub struct Pipelines {
     made: Receiver<(usize, Result<ComputePipeline, GpuError>)>,
     /// Held, so that whoever wants one finds it.
     kept: Vec<ComputePipeline>,
-    /// The first so many of all are what the first picture needs; these of them are not there yet.
+    /// The first so many of all are what the first image needs; these of them are not there yet.
     needed: usize,
     missing: usize,
     is_over: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
 }
 
-/// What the first picture needs, what takes longest first; then the rest.
+/// What the first image needs, what takes longest first; then the rest.
 fn recipes(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
     let ([mut needed, more], [derived, others]) =
         (frame::recipes(kind, access), resident::derived_recipes(access, bridge));
@@ -34,14 +34,14 @@ fn recipes(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
     [needed, more.into_iter().chain(others).collect()]
 }
 
-impl Programs {
+impl Pipelines {
     /// Begins to make them; `wake` is called when one is there.
     pub fn make(
         gpu: &Gpu,
         access: Access,
         bridge: bool,
         wake: impl Fn() + Send + Sync + 'static,
-    ) -> Programs {
+    ) -> Pipelines {
         let [needed, more] = recipes(gpu.info().kind, access, bridge);
         let count = needed.len();
         let all: Arc<[Recipe]> = needed.into_iter().chain(more).collect();
@@ -63,20 +63,29 @@ impl Programs {
             })
         };
         let threads = (0..cores.min(MOST_THREADS)).map(thread).collect();
-        Programs { made, kept: Vec::new(), needed: count, missing: count, is_over, threads }
+        Pipelines { made, kept: Vec::new(), needed: count, missing: count, is_over, threads }
     }
 
-    /// Whether all are there that the first picture needs.
-    pub fn are_there(&mut self) -> Result<bool, GpuError> {
-        for (at, program) in self.made.try_iter() {
-            self.kept.push(program?);
+    /// Whether all are there that the first image needs.
+    pub fn are_ready(&self) -> bool {
+        self.missing == 0
+    }
+
+    /// Takes what was made; whether all are ready since this call.
+    pub fn become_ready(&mut self) -> Result<bool, GpuError> {
+        // What comes after those is found by whoever wants it without being taken.
+        if self.are_ready() {
+            return Ok(false);
+        }
+        for (at, pipeline) in self.made.try_iter() {
+            self.kept.push(pipeline?);
             self.missing -= usize::from(at < self.needed);
         }
-        Ok(self.missing == 0)
+        Ok(self.are_ready())
     }
 }
 
-impl Drop for Programs {
+impl Drop for Pipelines {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         // What a driver is in the middle of cannot be stopped, and must not outlive the device.

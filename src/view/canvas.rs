@@ -1,0 +1,277 @@
+//! The image in the window: coarse while something changes, then one sample after the other; and what lies under the cursor.
+//!
+//! In each frame [`Canvas::plan`], then [`Canvas::record`] and [`Canvas::ask`], then [`Canvas::submitted`].
+
+use super::data::Data;
+use super::overlay::ImageArea;
+use super::pace::Pace;
+use super::settings::{Colors, SAMPLES, Settings, view_of};
+use crate::attribute::ColorTable;
+use crate::gpu::{Commands, Gpu, GpuError, Picture, SyncPoint};
+use crate::render::camera::Camera;
+use crate::render::frame::{Renderer, View, check_size};
+use crate::render::screen::{Pick, Screen};
+use crate::resident::table::Table;
+use std::sync::Arc;
+
+/// What the traced image depends on, but for the data.
+#[derive(Clone, PartialEq)]
+struct Wanted {
+    camera: Camera,
+    settings: Settings,
+    size: [u32; 2],
+}
+
+/// What is under the cursor, and what image it was asked of.
+#[derive(Clone, Copy, PartialEq)]
+struct Question {
+    cursor: [f64; 2],
+    /// Images since the start.
+    version: u64,
+}
+
+/// See the module.
+pub struct Canvas {
+    screen: Screen,
+    /// Made when there are data to draw.
+    renderer: Option<Renderer>,
+    colors: Option<Colors>,
+    /// Where in the window the image is.
+    pub area: ImageArea,
+    wanted: Option<Wanted>,
+    /// The image being made is for a view that changes.
+    is_coarse: bool,
+    /// It was begun because the user changed something, not because of what arrived.
+    is_urgent: bool,
+    pace: Pace,
+    version: u64,
+    asked: Option<Question>,
+    /// The last answer, and the camera when it came.
+    pick: Option<(Pick, Camera)>,
+}
+
+impl Canvas {
+    /// `is_slow`: on a device that traces on the CPU.
+    pub fn new(is_slow: bool) -> Canvas {
+        Canvas {
+            screen: Screen::default(),
+            renderer: None,
+            colors: None,
+            area: ImageArea { rect: egui::Rect::ZERO, size: [0; 2] },
+            wanted: None,
+            is_coarse: true,
+            is_urgent: false,
+            pace: Pace::new(is_slow),
+            version: 0,
+            asked: None,
+            pick: None,
+        }
+    }
+
+    /// Forgets what is of another scene; the last image stays.
+    pub fn forget_scene(&mut self) {
+        self.renderer = None;
+        self.colors = None;
+        self.screen.forget();
+        self.asked = None;
+    }
+
+    /// Pixels of the image at rest.
+    pub fn size(&self) -> [u32; 2] {
+        self.area.size
+    }
+
+    /// Pixels of the image that is traced now.
+    pub fn traced_size(&self) -> Option<[u32; 2]> {
+        self.screen.size()
+    }
+
+    /// Samples that are whole of the image being made.
+    pub fn samples(&self) -> u32 {
+        self.screen.samples()
+    }
+
+    /// Whether the image is coarse, or lacks samples.
+    pub fn is_refining(&self) -> bool {
+        self.is_coarse || self.screen.samples() < SAMPLES
+    }
+
+    /// Whether the image was begun because the user changed something, not because of what arrived.
+    pub fn is_urgent(&self) -> bool {
+        self.is_urgent
+    }
+
+    /// Whether there is something that can be drawn.
+    pub fn is_drawn(&self) -> bool {
+        self.renderer.is_some() && self.colors.is_some()
+    }
+
+    /// The colours in use.
+    pub fn colors(&self) -> Option<&Colors> {
+        self.colors.as_ref()
+    }
+
+    /// What draws the image, once there is something to draw.
+    pub fn renderer(&mut self) -> Option<&mut Renderer> {
+        self.renderer.as_mut()
+    }
+
+    /// What the last answer was, and for which camera.
+    pub fn pick(&self) -> Option<&(Pick, Camera)> {
+        self.pick.as_ref()
+    }
+
+    /// Bytes of sections to upload in a frame, of at most `most`.
+    pub fn upload_bytes(&self, most: u64) -> u64 {
+        if self.is_urgent { self.pace.upload_bytes(self.area.size, most) } else { most }
+    }
+
+    /// Rows of an image of full width that a frame may trace.
+    pub fn rows(&self) -> u32 {
+        self.pace.rows(self.area.size[0])
+    }
+
+    /// Whether the colours are what the settings say.
+    pub fn has_colors_of(&self, settings: &Settings) -> bool {
+        self.colors.as_ref().is_none_or(|(of, _)| *of == settings.color)
+    }
+
+    /// Makes the colours what the settings say; whether they were not.
+    pub fn apply_colors(&mut self, data: &Data, settings: &Settings) -> anyhow::Result<bool> {
+        let color = settings.color;
+        let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == color);
+        let Some(about) = data.about().filter(|_| !is_current) else { return Ok(false) };
+        let table = ColorTable::new(color, &about.summary, &data.grid().0, None, None)?;
+        self.colors = Some((color, table));
+        Ok(true)
+    }
+
+    /// Whether an image from there is not too wide to be drawn.
+    pub fn can_draw(&self, data: &Data, settings: &Settings, camera: &Camera) -> bool {
+        let view = view_of(data, settings, camera, self.colors.as_ref(), self.area.size);
+        view.zip(self.renderer.as_ref()).is_none_or(|(view, renderer)| renderer.check(&view).is_ok())
+    }
+
+    /// Begins an image of known data where one is wanted; whether there is something left to trace.
+    pub fn plan(
+        &mut self,
+        gpu: &Gpu,
+        data: &Data,
+        (camera, settings): (&Camera, &Settings),
+        is_changed: bool,
+    ) -> anyhow::Result<bool> {
+        let size = self.area.size;
+        check_size(gpu, size)?;
+        if self.renderer.is_none() {
+            let (grid, anchor) = data.grid();
+            self.renderer = Some(Renderer::new(data.scene(), grid, anchor)?);
+            self.wanted = None;
+        }
+        let wanted = Wanted { camera: *camera, settings: settings.clone(), size };
+        let coarse = self.pace.coarse(size);
+        let is_wanted = self.wanted.as_ref() == Some(&wanted);
+        if is_changed || !is_wanted {
+            self.is_urgent = !is_wanted;
+            self.wanted = Some(wanted);
+            self.is_coarse = coarse != size;
+            self.screen.start(coarse);
+        } else if self.is_coarse && self.screen.samples() > 0 {
+            self.is_coarse = false;
+            self.screen.start(size);
+        }
+        // Until all is there the image will be another one soon: what computes is left to the reading.
+        let enough = if data.is_complete() { SAMPLES } else { 1 };
+        Ok(self.is_coarse || self.screen.samples() < enough)
+    }
+
+    /// What the next frame traces, and what it may see. Before the frame begins: the scene may have to derive what is to be
+    /// shown.
+    pub fn prepare(
+        &mut self,
+        data: &mut Data,
+        (settings, camera): (&Settings, &Camera),
+    ) -> Result<Arc<Table>, GpuError> {
+        let table = self.renderer.as_mut().map(|renderer| data.table(renderer)).unwrap_or_default();
+        let size = self.screen.size().unwrap_or(self.area.size);
+        if let Some(view) = view_of(data, settings, camera, self.colors.as_ref(), size) {
+            self.screen.prepare(data.scene_mut(), &view)?;
+        }
+        Ok(table)
+    }
+
+    /// Records the next rows of the image in frame `slot`; whether there is anything to draw.
+    pub fn record(
+        &mut self,
+        data: &mut Data,
+        (settings, camera): (&Settings, &Camera),
+        (commands, slot): (&mut Commands, usize),
+        table: &Arc<Table>,
+    ) -> anyhow::Result<bool> {
+        let size = self.screen.size().unwrap_or(self.area.size);
+        let view = view_of(data, settings, camera, self.colors.as_ref(), size);
+        // A coarse image is one sample in the middle of each pixel.
+        let view = view.map(|view| if self.is_coarse { View { samples: 1, ..view } } else { view });
+        let (Some(view), Some(renderer)) = (view, &mut self.renderer) else { return Ok(false) };
+        let before = self.screen.samples();
+        let rows = if self.is_coarse { size[1] } else { self.pace.rows(size[0]) };
+        self.screen.record(renderer, data.scene_mut(), (commands, slot), &view, table, rows)?;
+        self.version += u64::from(self.screen.samples() != before && before == 0);
+        Ok(true)
+    }
+
+    /// Asks in frame `slot` what lies under the cursor (pixels from the image's corner), where that is another question than
+    /// the last; whether it was asked. Nothing is asked where `is_taken`: the frame copies something else.
+    pub fn ask(
+        &mut self,
+        data: &mut Data,
+        (commands, slot): (&mut Commands, usize),
+        cursor: Option<[f64; 2]>,
+        is_taken: bool,
+    ) -> Result<bool, GpuError> {
+        let is_inside = |at: &[f64; 2]| at.iter().all(|v| (0.0..1.0).contains(v));
+        let Some(cursor) = cursor.map(|at| self.area.share(at)).filter(is_inside) else {
+            self.pick = None;
+            return Ok(false);
+        };
+        let question = Question { cursor, version: self.version };
+        let Some(renderer) = self.renderer.as_ref().filter(|_| !is_taken && self.asked != Some(question))
+        else {
+            return Ok(false);
+        };
+        let is_asked = self.screen.ask(renderer, data.scene_mut(), (commands, slot), cursor)?;
+        if is_asked {
+            self.asked = Some(question);
+        }
+        Ok(is_asked)
+    }
+
+    /// Tells that frame `slot` was submitted.
+    pub fn submitted(&mut self, slot: usize, point: SyncPoint) {
+        self.screen.submitted(slot, point);
+    }
+
+    /// Answers that are there by now, the latest last, which is kept as one for `camera`; waits for nothing.
+    pub fn take_picks(&mut self, data: &mut Data, camera: &Camera) -> Result<Vec<Pick>, GpuError> {
+        let Some(renderer) = &self.renderer else { return Ok(Vec::new()) };
+        let picks = self.screen.take_picks(renderer, data.scene_mut())?;
+        if let Some(pick) = picks.last() {
+            self.pick = Some((*pick, *camera));
+        }
+        Ok(picks)
+    }
+
+    /// Learns from frames that are done; gives their milliseconds.
+    pub fn take_times(&mut self, data: &mut Data) -> Result<Vec<f64>, GpuError> {
+        let times = self.screen.take_times(data.scene_mut())?;
+        times.iter().for_each(|(pixels, ms)| self.pace.learn(*pixels, *ms));
+        Ok(times.into_iter().map(|(_, ms)| ms).collect())
+    }
+
+    /// The last image that is whole, where it lies in the window.
+    pub fn shown(&self, pixels_per_point: f32) -> Option<Picture<'_>> {
+        let corner = self.area.rect.min * pixels_per_point;
+        let [left, top] = [corner.x, corner.y].map(|v| v.round().max(0.0) as u32);
+        let [width, height] = self.area.size;
+        self.screen.image_at([left, top, width, height])
+    }
+}

@@ -1,0 +1,112 @@
+//! What the window tells: keys, mouse, sizes and files that are dropped.
+
+use super::input::{self, Action, Move};
+use super::options::WindowOptions;
+use super::viewer::Viewer;
+use std::time::Instant;
+use winit::dpi::PhysicalSize;
+use winit::event::{ElementState, MouseScrollDelta, WindowEvent};
+use winit::keyboard::PhysicalKey;
+
+impl Viewer {
+    /// Answers an event of the window, but for redraws and the end.
+    pub fn event(&mut self, options: &WindowOptions, event: WindowEvent) -> anyhow::Result<()> {
+        let is_tab = matches!(&event, WindowEvent::KeyboardInput { event, .. }
+            if event.physical_key == PhysicalKey::Code(winit::keyboard::KeyCode::Tab));
+        // The toolkit would walk through its widgets.
+        let repaint =
+            (!is_tab || self.panel.is_typing()) && self.toolkit.on_window_event(&self.window, &event).repaint;
+        if repaint {
+            self.window.request_redraw();
+        }
+        match event {
+            WindowEvent::Resized(PhysicalSize { width, height }) => {
+                self.swapchain.resize([width, height]);
+                self.window.request_redraw();
+            }
+            WindowEvent::ScaleFactorChanged { .. } | WindowEvent::Occluded(false) => {
+                self.window.request_redraw()
+            }
+            WindowEvent::ModifiersChanged(modifiers) => {
+                self.modifiers = modifiers.state();
+                self.input.shift(self.modifiers.shift_key());
+            }
+            WindowEvent::Focused(false) => self.input.release_all(),
+            WindowEvent::DroppedFile(path) => {
+                self.dropped.push(path);
+                self.window.request_redraw();
+            }
+            WindowEvent::CursorMoved { position, .. } => {
+                let at = self.in_image(position.x, position.y);
+                if let Some(by) = self.input.moved(at, f64::from(self.canvas.size()[1].max(1))) {
+                    self.go(by)?;
+                }
+            }
+            WindowEvent::CursorLeft { .. } => self.input.left(),
+            WindowEvent::MouseInput { state: ElementState::Pressed, button, .. } if self.is_over_image() => {
+                if let Some(by) = self.input.pressed(button, Instant::now()) {
+                    self.go(by)?;
+                }
+            }
+            WindowEvent::MouseInput { state: ElementState::Released, button, .. } => {
+                self.input.released(button)
+            }
+            WindowEvent::MouseWheel { delta, .. } if self.is_over_image() => {
+                let notches = match delta {
+                    MouseScrollDelta::LineDelta(_, lines) => f64::from(lines),
+                    MouseScrollDelta::PixelDelta(pixels) => pixels.y / 50.0,
+                };
+                if let Some(by) = self.input.wheel(notches) {
+                    self.go(by)?;
+                }
+            }
+            WindowEvent::KeyboardInput { event, .. } => {
+                let PhysicalKey::Code(key) = event.physical_key else { return Ok(()) };
+                let down = event.state == ElementState::Pressed;
+                let control = self.modifiers.control_key() || self.modifiers.super_key();
+                if down && self.is_typing() {
+                    if key == winit::keyboard::KeyCode::Escape {
+                        self.act(options, Action::Escape)?;
+                    }
+                    return Ok(());
+                }
+                if (!control || !down) && self.input.key(key, down) {
+                    self.window.request_redraw();
+                } else if down
+                    && !event.repeat
+                    && let Some(action) = input::action(key, control, self.modifiers.shift_key())
+                {
+                    self.act(options, action)?;
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn go(&mut self, by: Move) -> anyhow::Result<()> {
+        if self.navigation.go(by, (&self.data, &self.settings, &self.canvas))? {
+            self.window.request_redraw();
+        }
+        Ok(())
+    }
+
+    /// Whether keys are letters of a text.
+    fn is_typing(&self) -> bool {
+        self.panel.is_typing() || self.context.egui_wants_keyboard_input()
+    }
+
+    /// A place in the window, in pixels, from the image's corner.
+    fn in_image(&self, x: f64, y: f64) -> [f64; 2] {
+        let corner = self.canvas.area.rect.min * self.context.pixels_per_point();
+        [x - f64::from(corner.x), y - f64::from(corner.y)]
+    }
+
+    fn is_over_image(&self) -> bool {
+        let Some(cursor) = self.input.cursor() else { return false };
+        let at = self.canvas.area.rect.min
+            + egui::vec2(cursor[0] as f32, cursor[1] as f32) / self.context.pixels_per_point();
+        let is_free = self.context.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background);
+        self.canvas.area.rect.contains(at) && is_free
+    }
+}

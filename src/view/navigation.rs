@@ -1,0 +1,224 @@
+//! The camera, and how it follows mouse and keys: what is held, the views before, and the flight by keys.
+
+use super::canvas::Canvas;
+use super::data::Data;
+use super::input::Move;
+use super::navigate;
+use super::options::WindowOptions;
+use super::settings::{Settings, floor};
+use crate::coords::Bounds;
+use crate::render::camera::{Camera, CameraError, DEFAULT_ORBIT, Projection};
+use crate::render::path::CameraPath;
+use crate::render::screen::Pick;
+use glam::DVec3;
+use std::time::{Duration, Instant};
+
+/// Views that Backspace goes back through.
+const VIEWS: usize = 100;
+/// Turns of the wheel closer than this are one move.
+const ONE_MOVE: Duration = Duration::from_millis(700);
+
+/// What the camera moves over: the data, how they are shown, and the image they are seen in.
+pub type SeenData<'a> = (&'a Data, &'a Settings, &'a Canvas);
+
+/// See the module. What moves the camera tells whether it did.
+pub struct Navigation {
+    /// Where it is now.
+    pub camera: Camera,
+    /// The camera shows the data.
+    is_framed: bool,
+    views: Vec<Camera>,
+    held: DVec3,
+    last_zoom: Option<Instant>,
+    last_flight: Option<Instant>,
+}
+
+impl Navigation {
+    /// A camera that sees nothing yet.
+    pub fn new(projection: Projection) -> Result<Navigation, CameraError> {
+        Ok(Navigation {
+            camera: Camera::orbit(DVec3::ZERO, DEFAULT_ORBIT, 100.0, projection)?,
+            is_framed: false,
+            views: Vec::new(),
+            held: DVec3::ZERO,
+            last_zoom: None,
+            last_flight: None,
+        })
+    }
+
+    /// Whether the camera shows the data.
+    pub fn is_framed(&self) -> bool {
+        self.is_framed
+    }
+
+    /// Goes to `camera`; Backspace comes back.
+    fn go_from_here(&mut self, camera: Camera) {
+        self.keep_view();
+        self.camera = camera;
+    }
+
+    /// Keeps the view for Backspace.
+    fn keep_view(&mut self) {
+        if self.is_framed && self.views.last() != Some(&self.camera) {
+            self.views.push(self.camera);
+            if self.views.len() > VIEWS {
+                self.views.remove(0);
+            }
+        }
+    }
+
+    /// The view before.
+    pub fn back(&mut self) {
+        if let Some(camera) = self.views.pop() {
+            self.camera = camera;
+        }
+    }
+
+    /// What lies at a place of the image: the last answer if it is near and of this view, else a place as far away as the
+    /// target.
+    fn place_at(&self, at: [f64; 2], canvas: &Canvas) -> anyhow::Result<DVec3> {
+        let share = canvas.area.share(at);
+        let size = canvas.size();
+        if let Some((Pick { at: asked, point: Some(point) }, camera)) = canvas.pick()
+            && *camera == self.camera
+        {
+            let [dx, dy] = [0, 1].map(|axis| (asked[axis] - share[axis]) * f64::from(size[axis]));
+            if dx.hypot(dy) < 40.0 {
+                // As far away, under this very pixel.
+                let (origin, direction) = navigate::ray(&self.camera, share, size)?;
+                let depth = (point.shown - origin).dot(self.camera.forward());
+                return Ok(origin + direction * depth);
+            }
+        }
+        Ok(navigate::on_target_plane(&self.camera, share, size)?)
+    }
+
+    /// Follows the mouse.
+    pub fn go(&mut self, by: Move, (data, settings, canvas): SeenData) -> anyhow::Result<bool> {
+        if !self.is_framed {
+            return Ok(false);
+        }
+        let Some(bounds) = data.about().map(|about| about.bounds) else { return Ok(false) };
+        let size = canvas.size();
+        let moved = match by {
+            Move::Grab(at) => {
+                self.keep_view();
+                self.held = self.place_at(at, canvas)?;
+                return Ok(false);
+            }
+            Move::Orbit(turn) => navigate::orbit(&self.camera, self.held, turn),
+            Move::Pan(pixels) => navigate::pan(&self.camera, self.held, pixels, size),
+            Move::Look(turn) => navigate::look(&self.camera, turn),
+            Move::Zoom { at, factor } => {
+                if self.last_zoom.is_none_or(|last| last.elapsed() > ONE_MOVE) {
+                    self.keep_view();
+                    self.held = self.place_at(at, canvas)?;
+                }
+                self.last_zoom = Some(Instant::now());
+                // The cursor may have moved on between two notches.
+                let depth = (self.held - self.camera.eye()).dot(self.camera.forward());
+                let (origin, direction) = navigate::ray(&self.camera, canvas.area.share(at), size)?;
+                self.held = origin + direction * depth;
+                navigate::zoom(&self.camera, self.held, factor, &bounds)
+            }
+            Move::Recentre(at) => {
+                let place = self.place_at(at, canvas)?;
+                navigate::recentre(&self.camera, place)
+            }
+        };
+        // What cannot be seen from there is not gone to.
+        let moved = moved.ok().filter(|camera| canvas.can_draw(data, settings, camera));
+        moved.inspect(|camera| self.camera = *camera);
+        Ok(moved.is_some())
+    }
+
+    /// Flies by keys: right, forward and up in distances to the target a second; `None`: no key is held.
+    pub fn fly(&mut self, by: Option<[f64; 3]>, (data, settings, canvas): SeenData) {
+        let now = Instant::now();
+        let Some([right, forward, up]) = by.filter(|_| self.is_framed) else {
+            self.last_flight = None;
+            return;
+        };
+        let Some(last) = self.last_flight.replace(now) else { return self.keep_view() };
+        let seconds = (now - last).as_secs_f64().min(0.25);
+        let camera = &self.camera;
+        let distance = (camera.target() - camera.eye()).length();
+        let by = camera.right() * right + camera.forward() * forward + DVec3::Z * up;
+        if let Ok(camera) = navigate::shift(camera, by * (seconds * distance))
+            && canvas.can_draw(data, settings, &camera)
+        {
+            self.camera = camera;
+        }
+    }
+
+    /// All of the data, from these angles.
+    pub fn look_from(&mut self, angles: [f64; 2], (data, settings, canvas): SeenData) {
+        let Some(framed) = framed(data, settings) else { return };
+        // A parallel projection keeps its scale, which need not show all: frames are perspective.
+        let projection = match self.camera.projection() {
+            Projection::Orthographic { .. } => Projection::default(),
+            perspective => perspective,
+        };
+        if let Ok(camera) = Camera::frame(&framed, angles, projection, canvas.size()) {
+            self.go_from_here(camera);
+        }
+    }
+
+    /// Coordinates of the world's system, from near.
+    pub fn go_to(&mut self, (e, n, u): (f64, f64, Option<f64>), data: &Data, settings: &Settings) {
+        let Some(about) = data.about() else { return };
+        let (bounds, base) = (about.bounds, about.base);
+        let middle = base.unplace(bounds.center());
+        let world = base.place(DVec3::new(e, n, u.unwrap_or(middle.z)));
+        let shown = world.with_z(bounds.min.z + (world.z - bounds.min.z) * settings.z_scale);
+        let length = (bounds.max - bounds.min).truncate().max_element();
+        let cell = data.grid().0.cell();
+        let distance = (self.camera.target() - self.camera.eye()).length().min(length * 0.1).max(cell);
+        let angles = self.camera.angles();
+        if let Ok(camera) = Camera::orbit(shown, angles, distance, self.camera.projection()) {
+            self.go_from_here(camera);
+        }
+    }
+
+    /// The view of a path that was read. Errors: why there is none, in words.
+    pub fn open(&mut self, view: &CameraPath, data: &Data) -> Result<(), String> {
+        let Some(about) = data.about() else { return Ok(()) };
+        let view = view.placed(|v| about.base.place(v)).map_err(|e| e.to_string())?;
+        self.go_from_here(view.camera(0).map_err(|e| e.to_string())?);
+        Ok(())
+    }
+
+    /// The first view: as the options say, or all of the data. `false`: nothing is known of them yet.
+    pub fn first_view(&mut self, options: &WindowOptions, seen: SeenData) -> anyhow::Result<bool> {
+        let (data, settings, canvas) = seen;
+        let (Some(framed), Some(about)) = (framed(data, settings), data.about()) else { return Ok(false) };
+        let place = |v: DVec3| about.base.place(v);
+        let projection = Projection::Perspective { fov: options.fov };
+        let (angles, distance) = options.orbit.unwrap_or((DEFAULT_ORBIT, None));
+        let size = canvas.size();
+        let target = options.target.map(place);
+        self.camera = match (options.eye.map(place), target) {
+            (Some(eye), Some(target)) => Camera::look_at(eye, target, projection)?,
+            (_, target) => {
+                let whole = Camera::frame(&framed, angles, projection, size)?;
+                match (target, distance) {
+                    (None, None) => whole,
+                    (target, distance) => {
+                        let distance = distance.unwrap_or((whole.eye() - framed.center()).length());
+                        Camera::orbit(target.unwrap_or(framed.center()), angles, distance, projection)?
+                    }
+                }
+            }
+        };
+        self.is_framed = true;
+        Ok(true)
+    }
+}
+
+/// Where most of the data is, with the slab below it, as shown.
+fn framed(data: &Data, settings: &Settings) -> Option<Bounds> {
+    let about = data.about()?;
+    let slab = Bounds { min: about.bounds.min.with_z(floor(data)?), ..about.bounds };
+    let cell = data.grid().0.cell();
+    Some(slab.exaggerated(settings.z_scale, about.bounds.min.z).of_cells(cell))
+}

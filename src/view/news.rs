@@ -1,0 +1,87 @@
+//! What has come from files, other threads and the device is taken: often, and with nothing drawn.
+
+use super::viewer::Viewer;
+use crate::render::frame::Shade;
+use crate::resident::live::FRAME_BYTES;
+use std::time::Instant;
+
+impl Viewer {
+    /// Takes what has arrived, and asks for a frame when one is due.
+    pub(super) fn look(&mut self) -> anyhow::Result<()> {
+        if self.redraw.wants_look(Instant::now()) {
+            self.take_news()?;
+            self.plan_next();
+        }
+        Ok(())
+    }
+
+    /// Decides when to look again, and asks for a frame when one is due.
+    pub(super) fn plan_next(&mut self) {
+        let notice = self.notice.as_ref().map(|(_, end)| *end);
+        if self.redraw.plan(Instant::now(), self.data.is_complete(), notice).is_some() {
+            self.window.request_redraw();
+        }
+    }
+
+    /// Takes what has come from files, other threads and the device. Waits for nothing.
+    pub(super) fn take_news(&mut self) -> anyhow::Result<()> {
+        let begun = Instant::now();
+        self.redraw.looked(begun);
+        if self.pipelines.become_ready()? {
+            self.data.hold_uploads(false);
+            self.log.line(format_args!("programs {:.0} ms", self.timing.since_start()));
+        }
+        self.take_saved()?;
+        if self.saving.is_none() {
+            self.take_data()?;
+        }
+        self.timing.took(begun);
+        if let Some(point) = self.drawing
+            && self.data.scene_mut().order.reached(point)?
+        {
+            self.redraw.device_done(Instant::now());
+            self.drawing = None;
+        }
+        for pick in self.canvas.take_picks(&mut self.data, &self.navigation.camera)? {
+            if let Some(point) = &pick.point {
+                let at = point.shown;
+                self.log.line(format_args!(
+                    "pick {:.3} {:.3} {:.3} class {}",
+                    at.x, at.y, point.height, point.class
+                ));
+            }
+            // While data arrive, the next frame tells.
+            if self.data.is_complete() {
+                self.window.request_redraw();
+            }
+            self.redraw.asks(false);
+        }
+        for ms in self.canvas.take_times(&mut self.data)? {
+            self.timing.times.trace.push(ms);
+        }
+        Ok(())
+    }
+
+    /// Takes what was read, and has some of it uploaded.
+    pub(super) fn take_data(&mut self) -> anyhow::Result<()> {
+        let tick = self.data.tick(
+            &self.gpu,
+            &self.navigation.camera,
+            self.canvas.size(),
+            self.settings.z_scale,
+            self.settings.shade == Shade::Lit,
+            self.canvas.upload_bytes(FRAME_BYTES),
+        )?;
+        if tick.changed {
+            self.redraw.outdate();
+        }
+        self.redraw.uploads(tick.is_busy);
+        if tick.is_new_scene {
+            self.canvas.forget_scene();
+            self.redraw.new_scene();
+            self.drawing = None;
+            self.log.line(format_args!("scene"));
+        }
+        Ok(())
+    }
+}

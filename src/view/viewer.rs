@@ -1,0 +1,180 @@
+//! All that a window has: what is on the device, the toolkit, and the parts that decide what is seen and when.
+
+use super::canvas::Canvas;
+use super::data::Data;
+use super::flight::FlightProgress;
+use super::input::InputState;
+use super::log::EventLog;
+use super::navigation::Navigation;
+use super::options::WindowOptions;
+use super::panel::{self, Panel};
+use super::pipelines::Pipelines;
+use super::redraw::Redraw;
+use super::saving::{Saving, Writer};
+use super::settings::Settings;
+use super::timing::FrameTiming;
+use super::toolkit::Textures;
+use crate::attribute::ColorMode;
+use crate::gpu::{DeviceKind, Gpu, Overlay, Swapchain, SyncPoint};
+use crate::render::camera::Projection;
+use crate::render::frame::Shade;
+use crate::resident::scene::FRAMES_IN_FLIGHT;
+use crate::text::harmless;
+use anyhow::Context as _;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::event_loop::ActiveEventLoop;
+use winit::keyboard::ModifiersState;
+use winit::window::Window;
+
+/// Why there is none, mostly.
+pub const NO_WINDOW: &str = "no window can be opened: is there a display? (lasray render needs none)";
+/// How long a notice stays.
+const NOTICE: Duration = Duration::from_secs(6);
+
+// Fields are dropped in this order: what is on the device, the device, the window.
+/// See the module. Its methods that draw frames and answer events stand in `frame`, `actions` and `events`.
+pub struct Viewer {
+    pub(super) canvas: Canvas,
+    /// Boxed: it is large, and seldom there.
+    pub(super) saving: Option<Box<Saving>>,
+    pub(super) writer: Writer,
+    pub(super) overlay: Overlay,
+    pub(super) textures: Textures,
+    pub(super) pipelines: Pipelines,
+    pub(super) swapchain: Swapchain,
+    pub(super) data: Data,
+    pub(super) gpu: Gpu,
+    pub(super) toolkit: egui_winit::State,
+    pub(super) context: egui::Context,
+    pub(super) window: Arc<Window>,
+
+    /// Has the window look for news, from any thread.
+    pub(super) wake: Arc<dyn Fn() + Send + Sync>,
+    pub(super) navigation: Navigation,
+    pub(super) input: InputState,
+    pub(super) modifiers: ModifiersState,
+    pub(super) panel: Panel,
+    pub(super) settings: Settings,
+    pub(super) redraw: Redraw,
+    /// The frame that the device is not done with: see [`Redraw::submitted`].
+    pub(super) drawing: Option<SyncPoint>,
+    pub(super) timing: FrameTiming,
+    pub(super) flown: FlightProgress,
+    pub(super) dropped: Vec<PathBuf>,
+    pub(super) notice: Option<(String, Instant)>,
+    pub(super) log: EventLog,
+}
+
+impl Viewer {
+    /// Opens a window; `wake` is to make it look for news.
+    pub fn new(
+        events: &ActiveEventLoop,
+        options: &WindowOptions,
+        wake: Arc<dyn Fn() + Send + Sync>,
+        started: Instant,
+    ) -> anyhow::Result<Viewer> {
+        let [width, height] = options.size;
+        let attributes = Window::default_attributes()
+            .with_title(title(&options.inputs))
+            .with_inner_size(winit::dpi::LogicalSize::new(width, height))
+            .with_min_inner_size(winit::dpi::LogicalSize::new(480, 320));
+        let window = Arc::new(events.create_window(attributes).context(NO_WINDOW)?);
+        let gpu = Gpu::for_window(&options.gpu, &window)?;
+        let pixels: [u32; 2] = window.inner_size().into();
+        let swapchain = Swapchain::new(&gpu, window.clone(), pixels, FRAMES_IN_FLIGHT)?;
+        let overlay = Overlay::new(&gpu, &swapchain)?;
+        let context = egui::Context::default();
+        panel::style(&context);
+        let toolkit = egui_winit::State::new(
+            context.clone(),
+            egui::ViewportId::ROOT,
+            &window,
+            Some(window.scale_factor() as f32),
+            None,
+            None,
+        );
+        let (news, made) = (Arc::clone(&wake), Arc::clone(&wake));
+        let mut data = Data::open(&gpu, options.inputs.clone(), options.data.clone(), move || news())?;
+        data.hold_uploads(true);
+        let is_bridged = options.data.visibility.bridge > 0;
+        let pipelines = Pipelines::make(&gpu, data.scene().pool().access(), is_bridged, move || made());
+        window.request_redraw();
+        Ok(Viewer {
+            canvas: Canvas::new(gpu.info().kind == DeviceKind::Cpu),
+            saving: None,
+            writer: Writer::default(),
+            overlay,
+            textures: Textures::new(&gpu),
+            pipelines,
+            swapchain,
+            data,
+            gpu,
+            toolkit,
+            context,
+            window,
+            wake,
+            navigation: Navigation::new(Projection::Perspective { fov: options.fov })?,
+            input: InputState::default(),
+            modifiers: ModifiersState::empty(),
+            panel: Panel::default(),
+            settings: Settings {
+                color: options.color.unwrap_or(ColorMode::Height),
+                visibility: options.data.visibility,
+                z_scale: options.z_scale,
+                shade: Shade::Lit,
+            },
+            redraw: Redraw::new(started),
+            drawing: None,
+            timing: FrameTiming::new(started),
+            flown: FlightProgress::default(),
+            dropped: Vec::new(),
+            notice: None,
+            log: EventLog::new(options.log_events),
+        })
+    }
+
+    /// Says something over the image, for a while.
+    pub fn notify(&mut self, words: impl Into<String>) {
+        let words = harmless(&words.into());
+        self.log.line(format_args!("notice {words}"));
+        self.notice = Some((words, Instant::now() + NOTICE));
+    }
+
+    /// Whether scene and colours are what the settings say.
+    pub fn is_applied(&self) -> bool {
+        self.data.scene().visibility() == self.settings.visibility
+            && self.canvas.has_colors_of(&self.settings)
+    }
+
+    /// Makes the scene and the colours what the settings say.
+    pub fn apply_settings(&mut self) -> anyhow::Result<()> {
+        let visibility = self.settings.visibility;
+        if self.data.scene().visibility() != visibility {
+            let shown: Vec<_> = (0..=255u8).filter(|&c| visibility.classes.shows(c)).collect();
+            self.log.line(format_args!("classes shown {} bridge {}", shown.len(), visibility.bridge));
+            self.data.scene_mut().show(visibility)?;
+            self.redraw.outdate();
+        }
+        if self.canvas.apply_colors(&self.data, &self.settings)? {
+            self.log.line(format_args!("color {}", self.settings.color.name()));
+            self.redraw.outdate();
+        }
+        Ok(())
+    }
+}
+
+/// What the window is called: by its inputs, of many the first.
+fn title(inputs: &[OsString]) -> String {
+    let name = |input: &OsString| {
+        let path = std::path::absolute(input).unwrap_or_default();
+        path.file_name().map_or(input.clone(), |name| name.to_owned()).to_string_lossy().into_owned()
+    };
+    match inputs {
+        [] => "lasray".to_owned(),
+        [only] => format!("{} – lasray", name(only)),
+        [first, rest @ ..] => format!("{} and {} more – lasray", name(first), rest.len()),
+    }
+}
