@@ -6,7 +6,7 @@ use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_mai
 use lasray::attribute::{Attributes, Record};
 use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_SIDE};
 use lasray::ingest::bins::{Binner, Bins, Budget};
-use lasray::ingest::workers::Input;
+use lasray::ingest::input::Input;
 use lasray::sample::RgbDepth;
 use lasray::section::Columns;
 use lasray::source::placement::Placement;

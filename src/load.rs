@@ -6,7 +6,8 @@ use crate::coords::{Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, SectionKey, height_s
 use crate::ingest::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::ingest::budget::layer_bytes;
 use crate::ingest::builds::OpenInput;
-use crate::ingest::workers::{Input, Progress, read_all};
+use crate::ingest::input::Input;
+use crate::ingest::workers::{Progress, read_all};
 use crate::problems::Problems;
 use crate::sample::{self, FileSample, Opened, RgbDepth};
 use crate::section::Columns;

@@ -6,7 +6,7 @@
 //! read twice does no harm.
 
 use super::bins::Shared;
-use super::workers::Input;
+use super::input::Input;
 use crate::coords::{Bounds, Extent, Grid, SectionKey};
 use crate::section::PayloadKey;
 use crate::source::SourceError;

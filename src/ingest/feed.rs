@@ -12,8 +12,9 @@
 use super::bins::{Binner, Core, Shared, lock};
 use super::budget::Shares;
 use super::builds::{Builds, Finished, Job, Outcome, Progress};
+use super::input::Input;
 use super::sparse::{self, Sparse};
-use super::workers::{Input, panicked};
+use super::workers::panicked;
 use crate::coords::{Grid, SectionKey};
 use crate::section::{Payload, PayloadKey, PayloadKind};
 use crate::source::contain::caught;

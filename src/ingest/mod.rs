@@ -5,5 +5,6 @@ pub mod budget;
 pub mod builds;
 pub mod changes;
 pub mod feed;
+pub mod input;
 pub mod sparse;
 pub mod workers;

@@ -1,56 +1,12 @@
 //! Workers: chunks of all files to bins, in parallel over chunks and over files.
 
-use super::bins::{Binner, Bins, Meaning};
-use crate::sample::RgbDepth;
+use super::bins::{Binner, Bins};
+use super::input::Input;
 use crate::source::contain::caught;
-use crate::source::placement::Placement;
-use crate::source::{Chunk, Decoder, LayerMemory, LidarFile, PointBlock, SourceError, time_reading};
-use glam::DVec3;
+use crate::source::{Chunk, Decoder, LayerMemory, LidarFile, SourceError, time_reading};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
-
-/// A file that is to be read, and what its numbers mean.
-pub struct Input {
-    /// Opened.
-    pub file: LidarFile,
-    /// File coordinates to world coordinates.
-    pub placement: Placement,
-    /// How to read its colours.
-    pub rgb: RgbDepth,
-}
-
-impl Meaning for Input {
-    #[inline]
-    fn world(&self, block: &PointBlock, i: usize) -> DVec3 {
-        let h = &self.file.header;
-        // E = X · scale + offset (LAS 1.4 R15, 2.4), each step rounded as written.
-        let e = f64::from(block.x[i]) * h.scale.x + h.offset.x;
-        let n = f64::from(block.y[i]) * h.scale.y + h.offset.y;
-        let u = f64::from(block.z[i]) * h.scale.z + h.offset.z;
-        self.placement.place(e, n, u)
-    }
-
-    fn world_of_many(&self, block: &PointBlock, first: usize, [e, n, u]: [&mut [f64]; 3]) {
-        let h = &self.file.header;
-        let axes = [
-            (&mut *e, &block.x, h.scale.x, h.offset.x),
-            (&mut *n, &block.y, h.scale.y, h.offset.y),
-            (&mut *u, &block.z, h.scale.z, h.offset.z),
-        ];
-        for (to, raw, scale, offset) in axes {
-            to.iter_mut().zip(&raw[first..]).for_each(|(to, &raw)| *to = f64::from(raw) * scale + offset);
-        }
-        if !self.placement.is_identity() {
-            self.placement.place_many(e, n, u);
-        }
-    }
-
-    #[inline]
-    fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3] {
-        block.rgb.get(i).map_or([0; 3], |&rgb| self.rgb.to_8_bit(rgb))
-    }
-}
 
 /// How far the reading is; shared with whoever shows it.
 #[derive(Debug, Default)]

@@ -2,7 +2,8 @@
 
 use lasray::coords::{Grid, HEIGHT_STEP};
 use lasray::ingest::bins::{Bins, Budget};
-use lasray::ingest::workers::{Input, Progress, read_all};
+use lasray::ingest::input::Input;
+use lasray::ingest::workers::{Progress, read_all};
 use lasray::sample::{self, RgbDepth};
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::source::{Decoder, LayerMemory, LidarFile};
