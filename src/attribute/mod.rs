@@ -1,0 +1,24 @@
+//! Attributes of a point record, how they are packed, and the colours they are drawn in.
+//!
+//! Colours here (points' RGB, ramps, palettes) are sRGB-encoded; light is computed and EXR written in
+//! linear values: [`srgb_to_linear`] after the lookup, [`linear_to_srgb`] before an 8-bit file.
+
+mod class;
+mod mode;
+mod oklab;
+mod ramp;
+mod record;
+mod returns;
+mod srgb;
+mod summary;
+mod table;
+
+pub use class::{ClassMask, Kinds, class_color, class_name};
+pub use mode::ColorMode;
+pub use ramp::Ramp;
+pub use record::{Attributes, Record};
+pub(crate) use record::unbias;
+pub use returns::ReturnKind;
+pub use srgb::{linear_to_srgb, srgb_to_linear};
+pub use summary::{AttributeSample, AttributeSummary, Spread};
+pub use table::{AttributeError, ColorTable};

@@ -1,0 +1,150 @@
+//! Attributes of a point record, and how they are packed.
+
+use crate::coords::Height;
+use bytemuck::{Pod, Zeroable};
+
+/// What a column keeps of the point that won it. The order of the fields is the order in which points
+/// are compared: the larger wins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Attributes {
+    /// Height on the lattice.
+    pub height: Height,
+    /// ASPRS class, the whole byte.
+    pub class: u8,
+    /// Pulse return magnitude, as stored.
+    pub intensity: u16,
+    /// sRGB, 8 bit a channel; black when the file has no colour.
+    pub rgb: [u8; 3],
+    /// Return number in the low nibble, number of returns in the high nibble.
+    pub returns: u8,
+    /// `source::FLAG_…`.
+    pub flags: u8,
+}
+
+/// [`Attributes`] as three words, shared with the shaders. Comparing the words from first to last is
+/// comparing the attributes, so a maximum over records picks the winner of a cell:
+///
+/// | word | bits 31-24 | 23-16 | 15-8 | 7-0 |
+/// |---|---|---|---|---|
+/// | 0 | height, biased by 2³¹; 0 = no point | | | |
+/// | 1 | class | intensity, high | intensity, low | red |
+/// | 2 | green | blue | returns | flags |
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
+#[repr(transparent)]
+pub struct Record(pub [u32; 3]);
+
+impl Record {
+    /// No point: below every other record.
+    pub const EMPTY: Record = Record([0; 3]);
+
+    /// Packs `a`.
+    #[inline]
+    pub fn pack(a: Attributes) -> Record {
+        let [r, g, b] = a.rgb;
+        Record([
+            bias(a.height),
+            u32::from(a.class) << 24 | u32::from(a.intensity) << 8 | u32::from(r),
+            u32::from_be_bytes([g, b, a.returns, a.flags]),
+        ])
+    }
+
+    /// The attributes; `None` for an empty record.
+    #[inline]
+    pub fn unpack(self) -> Option<Attributes> {
+        let height = self.height()?;
+        let [w1, w2] = [self.0[1].to_be_bytes(), self.0[2].to_be_bytes()];
+        Some(Attributes {
+            height,
+            class: w1[0],
+            intensity: u16::from_be_bytes([w1[1], w1[2]]),
+            rgb: [w1[3], w2[0], w2[1]],
+            returns: w2[2],
+            flags: w2[3],
+        })
+    }
+
+    /// No point.
+    #[inline]
+    pub fn is_empty(self) -> bool {
+        self.0[0] == 0
+    }
+
+    /// Height on the lattice; `None` for an empty record.
+    #[inline]
+    pub fn height(self) -> Option<Height> {
+        (!self.is_empty()).then(|| unbias(self.0[0]))
+    }
+
+    /// ASPRS class.
+    #[inline]
+    pub fn class(self) -> u8 {
+        (self.0[1] >> 24) as u8
+    }
+
+    /// Class flags, [`crate::source::FLAG_WITHHELD`] and its neighbours.
+    #[inline]
+    pub fn flags(self) -> u8 {
+        self.0[2] as u8
+    }
+}
+
+/// Height as an unsigned number of the same order; 0 is left free, since `Height` is never `i32::MIN`.
+#[inline]
+pub(crate) fn bias(height: Height) -> u32 {
+    height.0 as u32 ^ 0x8000_0000
+}
+
+/// The height of [`bias`].
+#[inline]
+pub(crate) fn unbias(word: u32) -> Height {
+    Height((word ^ 0x8000_0000) as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn attributes() -> impl Strategy<Value = Attributes> {
+        // Few values a field, so that ties reach the last one.
+        let byte = || prop_oneof![Just(0u8), Just(1), Just(127), Just(128), Just(255)];
+        let height =
+            prop_oneof![Just(i32::MIN + 1), Just(-1), Just(0), Just(1), Just(i32::MAX), any::<i32>()];
+        let intensity = prop_oneof![Just(0u16), Just(255), Just(256), Just(u16::MAX)];
+        (height, byte(), intensity, [byte(), byte(), byte()], byte(), byte()).prop_map(
+            |(h, class, intensity, rgb, returns, flags)| Attributes {
+                height: Height(h.max(i32::MIN + 1)),
+                class,
+                intensity,
+                rgb,
+                returns,
+                flags,
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn order_of_words_is_order_of_attributes(a in attributes(), b in attributes()) {
+            prop_assert_eq!(Record::pack(a).cmp(&Record::pack(b)), a.cmp(&b));
+            prop_assert_eq!(Record::pack(a).unpack(), Some(a));
+            prop_assert_eq!(Record::pack(a).height(), Some(a.height));
+            prop_assert_eq!(Record::pack(a).class(), a.class);
+            prop_assert!(Record::pack(a) > Record::EMPTY);
+        }
+    }
+
+    #[test]
+    fn words_are_laid_out_as_documented() {
+        let a = Attributes {
+            height: Height(5),
+            class: 6,
+            intensity: 0x1234,
+            rgb: [0xaa, 0xbb, 0xcc],
+            returns: 0x21,
+            flags: 4,
+        };
+        assert_eq!(Record::pack(a).0, [0x8000_0005, 0x0612_34aa, 0xbbcc_2104]);
+        assert_eq!(Record::EMPTY.unpack(), None);
+    }
+}
