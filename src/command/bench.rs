@@ -1,9 +1,9 @@
 //! `lasray bench`: the timing harness.
 
+use super::outcome::{Outcome, UsageError, usage_of_load};
 use super::placement::PlacementArgs;
-use super::render::{bytes, positive, size, usage_of_load};
-use super::synth::count;
-use super::{Outcome, UsageError, check_targets};
+use super::targets::check_targets;
+use super::values::{bytes, count, positive, size};
 use crate::bench::frames::{self, Options, PoolRun, ThesisRun, Traced};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::load as loading;

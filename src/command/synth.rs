@@ -1,5 +1,6 @@
 //! `lasray synth`: writes the scan of a town that does not exist, with known geometry, as LAS or LAZ.
 
+use super::values::count;
 use crate::synth::{Format, ORIGIN, SynthError, Tile, Town, is_made_here, write_tile};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -94,22 +95,6 @@ pub enum PlanError {
         /// Side of a tile, m.
         side: f64,
     },
-}
-
-/// `500k`, `2M`, `1.5G` or plain digits; at least 1.
-pub(super) fn count(text: &str) -> Result<u64, String> {
-    let wrong = || format!("'{text}' is not a count such as 750000, 500k or 2M");
-    let (digits, factor) = match text.char_indices().last() {
-        Some((at, 'k' | 'K')) => (&text[..at], 1e3),
-        Some((at, 'm' | 'M')) => (&text[..at], 1e6),
-        Some((at, 'g' | 'G')) => (&text[..at], 1e9),
-        _ => (text, 1.0),
-    };
-    if factor == 1.0 {
-        return digits.parse().ok().filter(|&n| n > 0).ok_or_else(wrong);
-    }
-    let value = digits.parse::<f64>().map_err(|_| wrong())? * factor;
-    if (1.0..1e15).contains(&value) { Ok(value.round() as u64) } else { Err(wrong()) }
 }
 
 /// `4x3`: columns and rows, each 1 to 1000.

@@ -1,8 +1,9 @@
 //! `lasray view`: the window.
 
+use super::outcome::{Outcome, UsageError};
 use super::placement::PlacementArgs;
-use super::render::{Cell, ClassList, Color, Orbit};
-use super::{Outcome, UsageError, check_targets, render};
+use super::targets::check_targets;
+use super::values::{self, Cell, ClassList, Color, Orbit};
 use crate::attribute::ClassMask;
 use crate::gpu::{GpuError, GpuOptions};
 use crate::output::{Protected, Target};
@@ -26,36 +27,36 @@ pub struct Args {
     inputs: Vec<OsString>,
 
     /// Width and height of the window, in the pixels of a screen of usual density
-    #[arg(long, default_value = "1280x800", value_parser = render::size, help_heading = "Picture", value_name = "WxH")]
+    #[arg(long, default_value = "1280x800", value_parser = values::size, help_heading = "Picture", value_name = "WxH")]
     size: [u32; 2],
     /// Vertical exaggeration
-    #[arg(long, default_value_t = 1.0, value_parser = render::positive, help_heading = "Picture")]
+    #[arg(long, default_value_t = 1.0, value_parser = values::positive, help_heading = "Picture")]
     z_scale: f64,
     /// What colours show: auto (RGB, else classes, else heights), rgb, height, class, intensity or return
-    #[arg(long, default_value = "auto", value_parser = render::color, help_heading = "Picture")]
+    #[arg(long, default_value = "auto", value_parser = values::color, help_heading = "Picture")]
     color: Color,
     /// Show only these classes: 2,6 or 3-5
-    #[arg(long, value_parser = render::classes, help_heading = "Picture", value_name = "LIST")]
+    #[arg(long, value_parser = values::classes, help_heading = "Picture", value_name = "LIST")]
     classes: Option<ClassList>,
     /// Hide these classes (7 and 18, noise, are hidden unless asked for)
-    #[arg(long, value_parser = render::classes, help_heading = "Picture", value_name = "LIST")]
+    #[arg(long, value_parser = values::classes, help_heading = "Picture", value_name = "LIST")]
     hide: Option<ClassList>,
     /// Show withheld points
     #[arg(long, help_heading = "Picture")]
     withheld: bool,
 
     /// Where the camera is: E,N,U
-    #[arg(long, value_parser = render::vector, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    #[arg(long, value_parser = values::vector, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
     eye: Option<DVec3>,
     /// What it looks at: E,N,U
-    #[arg(long, value_parser = render::vector, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    #[arg(long, value_parser = values::vector, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
     target: Option<DVec3>,
     /// Direction of view in degrees: azimuth clockwise from north, elevation (positive looks down), and a
     /// distance if not all of the data is to be framed [default: 0,35]
-    #[arg(long, value_parser = render::orbit, allow_hyphen_values = true, help_heading = "Camera", value_name = "AZ,EL[,DIST]")]
+    #[arg(long, value_parser = values::orbit, allow_hyphen_values = true, help_heading = "Camera", value_name = "AZ,EL[,DIST]")]
     orbit: Option<Orbit>,
     /// Vertical field of view, degrees
-    #[arg(long, default_value_t = DEFAULT_FOV, value_parser = render::fov, help_heading = "Camera")]
+    #[arg(long, default_value_t = DEFAULT_FOV, value_parser = values::fov, help_heading = "Camera")]
     fov: f64,
     /// Camera path to fly: see docs/camera-paths.md
     #[arg(long, conflicts_with_all = ["eye", "target", "orbit"], help_heading = "Camera", value_name = "FILE")]
@@ -71,7 +72,7 @@ pub struct Args {
     quit: bool,
 
     /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), or auto
-    #[arg(long, default_value = "auto", value_parser = render::cell, help_heading = "Data")]
+    #[arg(long, default_value = "auto", value_parser = values::cell, help_heading = "Data")]
     cell: Cell,
     #[command(flatten)]
     placement: PlacementArgs,
@@ -82,10 +83,10 @@ pub struct Args {
     #[arg(long, help_heading = "Data")]
     no_cache: bool,
     /// Bytes of device memory for sections, at most 7/8 of what is free there
-    #[arg(long, default_value = "1GiB", value_parser = render::bytes, help_heading = "Data", value_name = "BYTES")]
+    #[arg(long, default_value = "1GiB", value_parser = values::bytes, help_heading = "Data", value_name = "BYTES")]
     device_memory: u64,
     /// Bytes of host memory for sections while they are read
-    #[arg(long, default_value = "2GiB", value_parser = render::bytes, help_heading = "Data", value_name = "BYTES")]
+    #[arg(long, default_value = "2GiB", value_parser = values::bytes, help_heading = "Data", value_name = "BYTES")]
     host_memory: u64,
 
     /// Device to draw on, by its number in `lasray info --devices`

@@ -1,0 +1,193 @@
+//! The command line of `lasray render`.
+
+use crate::attribute::{ClassMask, Ramp};
+use crate::command::placement::PlacementArgs;
+use crate::command::values::{
+    Cell, ClassList, Color, Orbit, bytes, cell, classes, color, detail, fov, orbit, positive, range, size,
+    vector,
+};
+use crate::gpu::Gpu;
+use crate::output::Target;
+use crate::render::camera::DEFAULT_FOV;
+use crate::render::frame::{Background, Shade};
+use crate::render::image::Format;
+use crate::resident::visibility::Visibility;
+use crate::source::learned::Cache;
+use glam::DVec3;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// Arguments of `lasray render`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(allow_negative_numbers = true)]
+pub struct Args {
+    /// Files, folders, @lists and patterns
+    #[arg(required_unless_present = "demo", value_name = "INPUT")]
+    pub(super) inputs: Vec<OsString>,
+    /// Picture to write: .png or .exr; with --each, {stem} stands for the input's name; with --path, %d or
+    /// %04d for the number of the picture, from 0
+    #[arg(short, long, value_name = "FILE")]
+    pub(super) output: PathBuf,
+    /// Draw the embedded synthetic town
+    #[arg(long, conflicts_with = "inputs")]
+    pub(super) demo: bool,
+    /// One picture a file
+    #[arg(long, conflicts_with = "demo")]
+    pub(super) each: bool,
+    /// Fail (exit code 1) when any input is missing or damaged
+    #[arg(long)]
+    pub(super) strict: bool,
+
+    /// Width and height in pixels [default: 1280x720; with --ortho what the data needs]
+    #[arg(long, value_parser = size, help_heading = "Picture", value_name = "WxH")]
+    pub(super) size: Option<[u32; 2]>,
+    /// Rays a pixel in a PNG [default: 4, with --shade none 1]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=256), help_heading = "Picture")]
+    pub(super) samples: Option<u32>,
+    /// What is behind the data [default: sky, with --ortho white]
+    #[arg(long, value_enum, help_heading = "Picture")]
+    pub(super) background: Option<Background>,
+    /// Light: `none` gives exact colours, pixel by pixel
+    #[arg(long, value_enum, default_value = "lit", help_heading = "Picture")]
+    pub(super) shade: Shade,
+    /// What the points stand for
+    #[arg(long, value_enum, default_value = "columns", help_heading = "Picture")]
+    pub(super) surface: Surface,
+    /// Show holes of up to four cells, which are bridged otherwise
+    #[arg(long, help_heading = "Picture")]
+    pub(super) no_bridge: bool,
+
+    /// Where the camera is: E,N,U
+    #[arg(long, value_parser = vector, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    pub(super) eye: Option<DVec3>,
+    /// What it looks at: E,N,U
+    #[arg(long, value_parser = vector, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    pub(super) target: Option<DVec3>,
+    /// Direction of view in degrees: azimuth clockwise from north, elevation (positive looks down), and a
+    /// distance if not all of the data is to be framed [default: 0,35]
+    #[arg(long, value_parser = orbit, allow_hyphen_values = true, help_heading = "Camera", value_name = "AZ,EL[,DIST]")]
+    pub(super) orbit: Option<Orbit>,
+    /// Vertical field of view, degrees
+    #[arg(long, default_value_t = DEFAULT_FOV, value_parser = fov, help_heading = "Camera")]
+    pub(super) fov: f64,
+    /// Parallel rays, at this many units a pixel; from above unless --orbit says otherwise, then with
+    /// world file
+    #[arg(long, value_parser = positive, conflicts_with = "fov", help_heading = "Camera", value_name = "UNITS")]
+    pub(super) ortho: Option<f64>,
+    /// Camera path to draw, a picture a frame: see docs/camera-paths.md
+    #[arg(long, conflicts_with_all = ["eye", "target", "orbit", "fov", "ortho", "each"], help_heading = "Camera", value_name = "FILE")]
+    pub(super) path: Option<PathBuf>,
+    /// Pictures to draw, spread evenly over the path [default: all of its frames]
+    #[arg(long, requires = "path", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Camera", value_name = "N")]
+    pub(super) frames: Option<u32>,
+    /// Vertical exaggeration
+    #[arg(long, default_value_t = 1.0, value_parser = positive, help_heading = "Camera")]
+    pub(super) z_scale: f64,
+
+    /// What colours show: auto (RGB, else classes, else heights), rgb, height, class, intensity or return
+    #[arg(long, default_value = "auto", value_parser = color, help_heading = "Colour")]
+    pub(super) color: Color,
+    /// Colour ramp of heights and intensities
+    #[arg(long, value_enum, help_heading = "Colour")]
+    pub(super) ramp: Option<Ramp>,
+    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98]
+    #[arg(long, value_parser = range, allow_hyphen_values = true, help_heading = "Colour", value_name = "LO,HI")]
+    pub(super) range: Option<(f64, f64)>,
+    /// Bits of the RGB fields, where the choice from the data is wrong
+    #[arg(long, value_parser = ["8", "16"], help_heading = "Colour")]
+    pub(super) rgb_bits: Option<String>,
+
+    /// Show only these classes: 2,6 or 3-5
+    #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
+    pub(super) classes: Option<ClassList>,
+    /// Hide these classes (7 and 18, noise, are hidden unless asked for)
+    #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
+    pub(super) hide: Option<ClassList>,
+    /// Show withheld points
+    #[arg(long, help_heading = "Layers")]
+    pub(super) withheld: bool,
+
+    /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), or auto
+    #[arg(long, default_value = "auto", value_parser = cell, help_heading = "Data")]
+    pub(super) cell: Cell,
+    #[command(flatten)]
+    pub(super) placement: PlacementArgs,
+    /// Pixels that a cell may cover: farther away cells are coarser; 0: finest cells everywhere [default: 1, for
+    /// exact pictures (--shade none, EXR) 0]
+    #[arg(long, value_parser = detail, help_heading = "Data", value_name = "PIXELS")]
+    pub(super) detail: Option<f64>,
+    /// When to draw: when all that the picture needs is there, or as soon as there is something to see
+    #[arg(long, value_enum, default_value = "complete", conflicts_with = "demo", help_heading = "Data")]
+    pub(super) wait: Wait,
+    /// Write what each picture took there, - for standard output: sections, bytes read, memory, detail
+    #[arg(long, conflicts_with_all = ["demo", "each"], help_heading = "Data", value_name = "FILE")]
+    pub(super) json: Option<Target>,
+    /// Neither use nor keep what was learned of files, and compiled programs, in the user's cache folder
+    #[arg(long, help_heading = "Data")]
+    pub(super) no_cache: bool,
+    /// Bytes of device memory for sections, at most 7/8 of what is free there
+    #[arg(long, default_value = "1GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
+    pub(super) device_memory: u64,
+    /// Bytes of host memory for sections
+    #[arg(long, default_value = "2GiB", value_parser = bytes, help_heading = "Data", value_name = "BYTES")]
+    pub(super) host_memory: u64,
+
+    /// Device to draw on, by its number in `lasray info --devices`
+    #[arg(long, help_heading = "Device")]
+    pub(super) device: Option<usize>,
+    /// Turn on the Vulkan validation layers
+    #[arg(long, help_heading = "Device")]
+    pub(super) validate: bool,
+    /// The plain traversal of the thesis, to compare
+    #[arg(long, help_heading = "Device")]
+    pub(super) plain: bool,
+    /// No progress, no summary
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+}
+
+impl Args {
+    /// Where it is kept what was learned of files.
+    pub(super) fn cache(&self) -> Option<Cache> {
+        if self.no_cache { None } else { Cache::of_user() }
+    }
+
+    /// Bytes that sections may take on the device: what was asked for, and what it has beside the picture.
+    pub(super) fn device_budget(&self, gpu: &Gpu) -> u64 {
+        gpu.bytes_for_sections(self.device_memory)
+    }
+
+    /// Pictures whose pixels are specified exactly.
+    pub(super) fn is_exact(&self) -> bool {
+        self.shade == Shade::None || Format::of(&self.output).is_ok_and(|format| format == Format::Exr)
+    }
+
+    /// What of the points is shown.
+    pub(super) fn visibility(&self) -> Visibility {
+        let mut classes = match &self.classes {
+            Some(list) => ClassMask::only(&list.0),
+            None => ClassMask::default(),
+        };
+        if let Some(list) = &self.hide {
+            classes = classes.without(&list.0);
+        }
+        let bridge = if self.no_bridge || self.shade == Shade::None { 0 } else { 4 };
+        Visibility { classes, withheld: self.withheld, bridge }
+    }
+}
+
+/// When a picture is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Wait {
+    /// When all that it needs is there.
+    Complete,
+    /// As soon as there is something to see.
+    None,
+}
+
+/// What the points stand for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(super) enum Surface {
+    /// Each cell is solid from its highest point down.
+    Columns,
+}

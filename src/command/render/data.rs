@@ -1,0 +1,115 @@
+//! What is drawn, and how it comes onto the device: all of it at once, or what an image needs.
+
+use super::args::{Args, Wait};
+use crate::coords::SectionKey;
+use crate::ingest::bins::Core;
+use crate::ingest::builds::OpenInput;
+use crate::load::{self, LoadError, LoadOptions, Loaded, Opening};
+use crate::problems::Problems;
+use crate::resident::cut::Sight;
+use crate::resident::live::{Live, Status};
+use crate::resident::scene::Scene;
+use crate::section::{Columns, Payload};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What is drawn.
+pub(super) enum Data {
+    /// All of it in memory, at the finest level.
+    Whole(Loaded),
+    /// What pictures need of it is read when they need it.
+    Live(Opening),
+}
+
+impl Data {
+    pub(super) fn of(
+        files: &[PathBuf],
+        args: &Args,
+        options: &LoadOptions,
+        problems: &mut Problems,
+    ) -> Result<Data, LoadError> {
+        // Exact pictures are made of the finest cells, all of them; the plain traversal knows no others.
+        let whole = args.plain || args.detail.is_none() && args.is_exact() && args.wait == Wait::Complete;
+        match whole {
+            true => load::paths(files, options, problems).map(Data::Whole),
+            false => load::open(files, options, problems).map(Data::Live),
+        }
+    }
+}
+
+/// What scenes are filled from.
+pub(super) enum Content {
+    /// Sections, and how many points are in them.
+    Whole(Vec<(SectionKey, Columns)>, u64),
+    /// Files to be read.
+    Live(Vec<OpenInput>, Core),
+}
+
+/// Bytes uploaded between two looks at what else there is to do.
+const UPLOAD_BYTES: u64 = 8 << 20;
+
+/// Reads and uploads what a picture needs, or until there is something to see.
+pub(super) fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Args) -> anyhow::Result<Status> {
+    let bar = load::bar(0, args.quiet, "reading {wide_bar} {human_pos}/{human_len} sections {eta}");
+    loop {
+        let tick = live.tick(scene, sight, UPLOAD_BYTES)?;
+        let enough = match args.wait {
+            Wait::Complete => tick.complete,
+            Wait::None => tick.complete || live.sampled() && !live.shown().is_empty(),
+        };
+        if enough {
+            if args.wait == Wait::Complete {
+                live.drop_unseen(scene)?;
+            }
+            break;
+        }
+        if let Some(why) = live.failed() {
+            anyhow::bail!(why);
+        }
+        if tick.stuck {
+            let (host, device) = (args.host_memory, args.device_memory);
+            return Err(LoadError::Budget { host, device }.into());
+        }
+        if !bar.is_hidden() {
+            let status = live.status(scene);
+            bar.set_length(status.wanted as u64);
+            bar.set_position(status.ready as u64);
+        }
+        scene.flush()?;
+        live.wait(Duration::from_millis(2));
+    }
+    bar.finish_and_clear();
+    Ok(live.status(scene))
+}
+
+/// Packs on one thread while another copies; what is packed is freed.
+pub fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow::Result<()> {
+    let (send, receive) = crossbeam_channel::bounded::<(SectionKey, Payload)>(4);
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let work = std::sync::Mutex::new(sections.into_iter());
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            let (send, work) = (send.clone(), &work);
+            scope.spawn(move || {
+                loop {
+                    let next = work.lock().unwrap_or_else(|e| e.into_inner()).next();
+                    let Some((key, columns)) = next else { return };
+                    // The receiver hangs up when the device fails: then there is nothing left to do.
+                    if send.send((key, columns.pack())).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(send);
+        for (key, packed) in receive {
+            anyhow::ensure!(
+                scene.upload(key, &packed)?,
+                "the sections do not fit the device memory: give more with --device-memory, or a larger --cell"
+            );
+        }
+        Ok(())
+    })?;
+    scene.settle()?;
+    Ok(())
+}
