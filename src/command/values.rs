@@ -151,3 +151,20 @@ pub(super) fn count(text: &str) -> Result<u64, String> {
     let value = digits.parse::<f64>().map_err(|_| wrong())? * factor;
     if (1.0..1e15).contains(&value) { Ok(value.round() as u64) } else { Err(wrong()) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn counts_with_suffixes() {
+        assert_eq!(count("2M"), Ok(2_000_000));
+        assert_eq!(count("500k"), Ok(500_000));
+        assert_eq!(count("1.5m"), Ok(1_500_000));
+        assert_eq!(count("300M"), Ok(300_000_000));
+        assert_eq!(count("18446744073709551615"), Ok(u64::MAX));
+        for wrong in ["", "0", "-1", "M", "2MM", "1e99k", "nank", "infM", "0.0001k", "é"] {
+            assert!(count(wrong).is_err(), "{wrong}");
+        }
+    }
+}

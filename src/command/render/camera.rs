@@ -5,9 +5,20 @@ use crate::command::UsageError;
 use crate::command::values::Orbit;
 use crate::coords::Bounds;
 use crate::render::camera::{Camera, DEFAULT_ORBIT, Projection};
+use crate::render::frame::Shade;
 use glam::DVec3;
 
-/// Camera and picture size that the arguments ask for, over `bounds` as they are shown.
+/// What is framed of `bounds` as they are shown; `floor`: where lit columns end, `cell`: side of a cell.
+pub(super) fn framed(args: &Args, bounds: &Bounds, floor: f64, cell: f64) -> Bounds {
+    let pivot = bounds.min.z;
+    let slab = Bounds { min: bounds.min.with_z(floor), ..*bounds };
+    let solid = if args.shade == Shade::Lit { slab } else { *bounds };
+    let shown = solid.exaggerated(args.z_scale, pivot);
+    // A map is of the points' extent; in a view, the cells of a few points reach far beyond it.
+    if args.ortho.is_none() { shown.of_cells(cell) } else { shown.at_least(cell) }
+}
+
+/// Camera and image size that the arguments ask for, over `bounds` as they are shown.
 pub(super) fn camera(
     args: &Args,
     bounds: &Bounds,

@@ -1,14 +1,18 @@
 //! What is drawn, and how it comes onto the device: all of it at once, or what an image needs.
 
 use super::args::{Args, Wait};
-use crate::coords::SectionKey;
+use crate::coords::{Grid, SectionKey};
+use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::Core;
 use crate::ingest::builds::OpenInput;
-use crate::load::{self, LoadError, LoadOptions, Loaded, Opening};
+use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::problems::Problems;
 use crate::resident::cut::Sight;
 use crate::resident::live::{Live, Status};
+use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
+use crate::resident::visibility::why_hidden;
+use crate::section::slot::slot_bytes;
 use crate::section::{Columns, Payload};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -35,6 +39,16 @@ impl Data {
             false => load::open(files, options, problems).map(Data::Live),
         }
     }
+
+    /// Its grid, what is known of it, and the rest.
+    pub(super) fn into_parts(self) -> (Grid, About, Content) {
+        match self {
+            Data::Whole(Loaded { grid, about, sections, points }) => {
+                (grid, about, Content::Whole(sections, points))
+            }
+            Data::Live(Opening { inputs, grid, core, about }) => (grid, about, Content::Live(inputs, core)),
+        }
+    }
 }
 
 /// What scenes are filled from.
@@ -43,6 +57,63 @@ pub(super) enum Content {
     Whole(Vec<(SectionKey, Columns)>, u64),
     /// Files to be read.
     Live(Vec<OpenInput>, Core),
+}
+
+/// A scene, and what is streamed into it.
+pub(super) struct Filled {
+    pub(super) scene: Scene,
+    /// None where all of it is resident.
+    pub(super) live: Option<Live>,
+    /// Points in all files.
+    pub(super) points: u64,
+    /// Sections that are resident from the start.
+    pub(super) sections: usize,
+}
+
+impl Filled {
+    /// Uploads what is in memory, or starts to read what is not. `keeps_copies`: more than one image is drawn.
+    pub(super) fn new(
+        gpu: &Gpu,
+        args: &Args,
+        content: Content,
+        grid: Grid,
+        keeps_copies: bool,
+    ) -> anyhow::Result<Filled> {
+        let pool_bytes = args.device_budget(gpu);
+        let access = Access::best(
+            gpu,
+            match &content {
+                Content::Whole(sections, _) => {
+                    sections.iter().map(|(_, columns)| slot_bytes(columns.layout().derived_bytes())).sum()
+                }
+                // Derived parts are less than half of what sections take.
+                Content::Live(..) => pool_bytes / 2,
+            },
+        );
+        let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, args.visibility(), grid)?;
+        match content {
+            Content::Whole(sections, points) => {
+                let count = sections.len();
+                upload(&mut scene, sections)?;
+                if let Some(why) = why_hidden(&scene.kinds(), &scene.visibility()) {
+                    anyhow::bail!("nothing to draw: {why}");
+                }
+                Ok(Filled { scene, live: None, points, sections: count })
+            }
+            Content::Live(inputs, core) => {
+                let points = inputs.iter().map(|input| input.input.file.points()).sum();
+                let host_bytes = args.host_memory;
+                let mut live = Live::new(inputs, grid, core, host_bytes, load::threads(), || ());
+                if !keeps_copies {
+                    live.keep_no_copies();
+                }
+                if let Some(cache) = args.cache() {
+                    live.keep_learned(cache);
+                }
+                Ok(Filled { scene, live: Some(live), points, sections: 0 })
+            }
+        }
+    }
 }
 
 /// Bytes uploaded between two looks at what else there is to do.
@@ -83,7 +154,7 @@ pub(super) fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Arg
 }
 
 /// Packs on one thread while another copies; what is packed is freed.
-pub fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow::Result<()> {
+fn upload(scene: &mut Scene, sections: Vec<(SectionKey, Columns)>) -> anyhow::Result<()> {
     let (send, receive) = crossbeam_channel::bounded::<(SectionKey, Payload)>(4);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let work = std::sync::Mutex::new(sections.into_iter());

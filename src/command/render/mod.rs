@@ -6,8 +6,8 @@ mod data;
 mod draw;
 mod film;
 mod pattern;
+mod report;
 mod run;
 
 pub use args::Args;
-pub use data::upload;
 pub use run::run;
