@@ -1,0 +1,71 @@
+//! Time until all is loaded, and reading and binning beside decoding alone.
+
+use super::harness::{Harness, STOP};
+use crate::bench::ingest::{self, IngestOptions};
+use crate::bench::load as loading;
+use crate::bench::towns::Set;
+use crate::load;
+use crate::synth;
+
+/// Points of a file that is read.
+pub(super) const INGEST_POINTS: u64 = 20_000_000;
+
+/// Points of a file that is loaded.
+const LOAD_POINTS: u64 = 4_000_000;
+
+/// Runs that figures of loading and of scaling are medians of.
+pub(super) const LOAD_RUNS: u32 = 3;
+
+impl Harness<'_> {
+    /// The thesis' loading and ours.
+    pub(super) fn load(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let mut files = self.files()?;
+        let mut towns = self.towns();
+        if files.is_empty() {
+            let set = Set {
+                name: "town",
+                format: synth::Format::Three,
+                compress: false,
+                is_tiled: false,
+                seed: args.seed,
+                points: args.points.unwrap_or(LOAD_POINTS),
+            };
+            let made = towns.files(&[set], &mut |what| self.say(format_args!("{what}")))?;
+            files.extend(made.into_iter().flatten());
+        }
+        let threads = if args.threads.is_empty() { vec![load::threads() as u32] } else { self.threads() };
+        for file in files {
+            let mut say = |what: &str| self.say(format_args!("{what}"));
+            let rows = loading::run(self.gpu, &file, args.cell, LOAD_RUNS, &threads, &mut say, &STOP)?;
+            self.report.load.extend(rows);
+            self.check()?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn ingest_options(&self) -> anyhow::Result<IngestOptions> {
+        let args = self.args;
+        Ok(IngestOptions {
+            seed: args.seed,
+            points: args.points.unwrap_or(INGEST_POINTS),
+            kept: self.cache.clone(),
+            quiet: args.quiet,
+            files: self.files()?,
+            cell: Some(args.cell),
+            ..IngestOptions::default()
+        })
+    }
+
+    /// Reading and binning.
+    pub(super) fn ingest(&mut self) -> anyhow::Result<()> {
+        let mut options = self.ingest_options()?;
+        if !self.args.threads.is_empty() {
+            options.threads = self.threads();
+        }
+        let mut rows = Vec::new();
+        let result = ingest::run(&options, &mut |what| self.say(format_args!("{what}")), &STOP, &mut rows);
+        self.report.ingest = rows;
+        result
+    }
+}
