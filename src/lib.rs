@@ -10,6 +10,7 @@ pub mod command;
 pub mod coords;
 pub mod gpu;
 pub mod ingest;
+pub mod limits;
 pub mod load;
 pub mod output;
 pub mod problems;

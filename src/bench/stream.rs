@@ -15,6 +15,7 @@ use super::steady::{Repeats, WARM_MS};
 use super::times::ms;
 use crate::attribute::{ClassMask, ColorTable};
 use crate::gpu::{DeviceKind, Gpu, Order, QueueKind, SyncPoint, Timestamps};
+use crate::limits::LIMITS;
 use crate::load::{self, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
 use crate::render::camera::{Camera, Projection};
@@ -24,7 +25,7 @@ use crate::render::path::{
 };
 use crate::render::sight::sight;
 use crate::resident::cut::Sight;
-use crate::resident::live::{FRAME_BYTES, Live};
+use crate::resident::live::Live;
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
 use crate::resident::table::Table;
@@ -46,8 +47,6 @@ pub const MOST_RATIO: f64 = 1.5;
 /// Untimed work before each frame but the first, where the device's clock follows its load, ms by the host's clock: some
 /// frames' worth, so that the timed one finds the device as busy as the last one did.
 const KEEP_WARM_MS: f64 = 10.0;
-/// Bytes uploaded between two looks while everything is fetched before it is measured.
-const FILL_BYTES: u64 = 8 << 20;
 /// Crossings of the data that lie side by side on the fast path.
 const LANES: u32 = 5;
 
@@ -300,7 +299,7 @@ impl<'a> Case<'a> {
         let before = self.scene.counters().section_bytes;
         let begin = Instant::now();
         let sight = self.sight(camera)?;
-        live.tick(&mut self.scene, &sight, FRAME_BYTES)?;
+        live.tick(&mut self.scene, &sight, LIMITS.frame_bytes)?;
         self.scene.flush()?;
         let tick_ms = ms(begin);
         let table = self.renderer.table_of_live(&self.scene, live);
@@ -353,7 +352,7 @@ impl<'a> Case<'a> {
             if self.options.stop.load(Ordering::Relaxed) {
                 return Err(Stopped.into());
             }
-            let tick = live.tick(&mut self.scene, &sight, FILL_BYTES)?;
+            let tick = live.tick(&mut self.scene, &sight, LIMITS.fill_bytes)?;
             self.errors.extend(live.take_errors());
             if tick.complete {
                 return Ok(());

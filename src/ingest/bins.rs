@@ -6,6 +6,7 @@
 
 use crate::attribute::{Attributes, Record};
 use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey};
+use crate::limits::LIMITS;
 use crate::section::{Columns, column_index, device_bytes};
 use crate::source::PointBlock;
 use std::collections::{HashMap, HashSet};
@@ -19,10 +20,6 @@ const MOST_COARSENINGS: u32 = 16;
 const MOST_STRAYS: usize = 32;
 /// Points far outside the rest that are kept until it is known how many sections they fill.
 const MOST_STRAY_POINTS: usize = 1 << 16;
-
-/// Most sections that are touched between two looks at the budget. A block of scattered points may lie in as many
-/// sections as it has points.
-const PIECE_SECTIONS: usize = 1024;
 
 /// What bounds the sections' memory.
 #[derive(Clone, Copy, Debug)]
@@ -339,7 +336,7 @@ impl Binner {
     }
 
     /// Height, column and run of every point from `first` on that has a cell and a height, until the runs lie in
-    /// [`PIECE_SECTIONS`]; gives the next point, and how many have none. Those outside `core` are `stray`.
+    /// `LIMITS.touched_sections`; gives the next point, and how many have none. Those outside `core` are `stray`.
     fn place(
         &mut self,
         grid: &Grid,
@@ -360,7 +357,7 @@ impl Binner {
         let mut world = [[0.0; BATCH]; 3];
         let mut cells = [[0; BATCH]; 2];
         let mut at = 0;
-        while at < all && self.keys.len() < PIECE_SECTIONS {
+        while at < all && self.keys.len() < LIMITS.touched_sections {
             let n = BATCH.min(all - at);
             let [east, north, up] = world.each_mut().map(|w| &mut w[..n]);
             let [i, j] = cells.each_mut().map(|c| &mut c[..n]);
@@ -373,7 +370,7 @@ impl Binner {
                 continue;
             }
             for k in 0..n {
-                if self.keys.len() == PIECE_SECTIONS {
+                if self.keys.len() == LIMITS.touched_sections {
                     break;
                 }
                 let (Some(cell), Some(height)) = (grid.cell_of(east[k], north[k]), grid.height(up[k])) else {
@@ -394,7 +391,7 @@ impl Binner {
     }
 
     /// Column and run of points from `at` on, whose cells are these; gives the next point, which is one of them if
-    /// there are [`PIECE_SECTIONS`] now.
+    /// there are `LIMITS.touched_sections` now.
     fn place_ordinary(&mut self, at: usize, i: &[i32], j: &[i32]) -> usize {
         let mask = SECTION_SIDE as i32 - 1;
         let columns = &mut self.columns[at..at + i.len()];
@@ -404,7 +401,7 @@ impl Binner {
             same &= (ci ^ i[0] | cj ^ j[0]) & !mask == 0;
         }
         let mut done = 0;
-        while done < i.len() && self.keys.len() < PIECE_SECTIONS {
+        while done < i.len() && self.keys.len() < LIMITS.touched_sections {
             let key = SectionKey::of(CellIndex { i: i[done], j: j[done] });
             let first = done;
             done = if same { i.len() } else { done + 1 };
@@ -564,7 +561,7 @@ mod tests {
             let columns = one.entry(SectionKey::of(cell)).or_default();
             columns.add((cell.i & side) as u32, (cell.j & side) as u32, record(&Plain, &points, i, height));
         }
-        assert!(one.len() > PIECE_SECTIONS && strays > 40 && rest > 10);
+        assert!(one.len() > LIMITS.touched_sections && strays > 40 && rest > 10);
         let binned = bins.finish().unwrap();
         assert_eq!(binned.outside, strays + rest);
         let mut one: Vec<_> = one.into_iter().map(|(key, columns)| (key, columns.pack().words)).collect();

@@ -5,12 +5,11 @@
 //! section, or one chunk's points, is always worked on, or nothing would ever be: where a share is smaller than a single
 //! section, that section is what is held.
 
-/// Most that layers of chunks may take, however much there is.
-const MOST_LAYER_BYTES: u64 = 512 << 20;
+use crate::limits::LIMITS;
 
 /// Bytes for the layers of the chunks that are being decoded.
 pub fn layer_bytes(host_bytes: u64) -> u64 {
-    (host_bytes / 8).min(MOST_LAYER_BYTES)
+    (host_bytes / LIMITS.layers_part).min(LIMITS.layer_bytes)
 }
 
 /// The shares, bytes.
@@ -32,7 +31,11 @@ pub struct Shares {
 impl Shares {
     /// Of `host_bytes`.
     pub fn of(host_bytes: u64) -> Shares {
-        let (arriving, arrived, kept) = (host_bytes / 32, host_bytes / 16, host_bytes / 4);
+        let (arriving, arrived, kept) = (
+            host_bytes / LIMITS.arriving_part,
+            host_bytes / LIMITS.arrived_part,
+            host_bytes / LIMITS.kept_part,
+        );
         let layers = layer_bytes(host_bytes);
         Shares {
             builds: host_bytes - 2 * arriving - arrived - kept - layers,

@@ -8,6 +8,7 @@
 use super::bins::Shared;
 use super::input::Input;
 use crate::coords::{Bounds, Extent, Grid, SectionKey};
+use crate::limits::LIMITS;
 use crate::section::PayloadKey;
 use crate::source::SourceError;
 use crate::source::known::{Known, RawBounds, Told};
@@ -15,9 +16,6 @@ use glam::DVec3;
 use roaring::RoaringBitmap;
 use std::collections::{HashMap, HashSet, VecDeque};
 use std::sync::Arc;
-
-/// Bytes that a section of one class takes while it is made.
-const USUAL_BYTES: u64 = 900 << 10;
 
 /// Finest cells: first, and the one after the last.
 pub type Cells = [[i32; 2]; 2];
@@ -366,7 +364,8 @@ impl Builds {
     }
 
     fn bytes(&self) -> u64 {
-        self.waiting_bytes + self.builds.values().map(|build| build.bytes.max(USUAL_BYTES)).sum::<u64>()
+        self.waiting_bytes
+            + self.builds.values().map(|build| build.bytes.max(LIMITS.section_bytes)).sum::<u64>()
     }
 
     fn drop_build(&mut self, key: PayloadKey) {
@@ -383,7 +382,7 @@ impl Builds {
             if self.builds.contains_key(&key) || self.in_transit.contains(&key) {
                 continue;
             }
-            if bytes + USUAL_BYTES > self.budget_bytes && !std::mem::replace(&mut tidied, true) {
+            if bytes + LIMITS.section_bytes > self.budget_bytes && !std::mem::replace(&mut tidied, true) {
                 let wanted: HashSet<_> = self.order.iter().copied().collect();
                 let unwanted: Vec<_> =
                     self.builds.keys().copied().filter(|key| !wanted.contains(key)).collect();
@@ -391,10 +390,10 @@ impl Builds {
                 bytes = self.bytes();
             }
             // One is always made, or nothing would ever be.
-            if bytes + USUAL_BYTES > self.budget_bytes && bytes > 0 {
+            if bytes + LIMITS.section_bytes > self.budget_bytes && bytes > 0 {
                 break;
             }
-            bytes += USUAL_BYTES;
+            bytes += LIMITS.section_bytes;
             self.start(key);
         }
     }

@@ -16,6 +16,7 @@ use super::input::Input;
 use super::sparse::{self, Sparse};
 use super::workers::panicked;
 use crate::coords::{Grid, SectionKey};
+use crate::limits::LIMITS;
 use crate::section::{Payload, PayloadKey, PayloadKind};
 use crate::source::contain::caught;
 use crate::source::known::RawBounds;
@@ -27,11 +28,6 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 use thread_priority::{ThreadPriority, set_current_thread_priority};
-
-/// Packed sections that wait to be taken.
-const QUEUE: usize = 16;
-/// What was learned is kept so often: a process that is killed loses no more.
-const KEEP_EVERY: Duration = Duration::from_secs(20);
 
 /// A finished section.
 pub struct Arrival {
@@ -308,7 +304,7 @@ impl Feed {
             layers: LayerMemory::new(shares.layers),
             failed: OnceLock::new(),
         });
-        let (send, arrivals) = crossbeam_channel::bounded(QUEUE);
+        let (send, arrivals) = crossbeam_channel::bounded(LIMITS.arrivals);
         Feed { inner, arrivals, send: Some(send), messages, notices }
     }
 
@@ -627,7 +623,7 @@ fn maintain_cache(inner: &Inner) {
     let mut state = inner.lock();
     let State { builds, cache: Some((cache, kept)), .. } = &mut *state else { return };
     let forgotten = builds.take_forgotten();
-    let is_time = kept.elapsed() > KEEP_EVERY;
+    let is_time = kept.elapsed() > LIMITS.keep_every;
     let learned = if is_time { builds.take_learned() } else { Vec::new() };
     if is_time {
         *kept = Instant::now();

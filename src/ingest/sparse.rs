@@ -1,17 +1,13 @@
 //! The sparse sample: a few points of every chunk of every file, the first picture of everything. What was read of a file
 //! is remembered, so that files may come and go without the others being read again.
 
+use crate::limits::LIMITS;
 use crate::source::known::RawBounds;
 use crate::source::{Decoder, LidarFile, PointBlock};
 
-/// Points of the sample, about: some 4 MB.
-const SAMPLE_POINTS: usize = 1 << 17;
-/// Most records of a chunk of LAS in it.
-const RECORDS_OF_A_CHUNK: u64 = 256;
-
 /// Points that each of so many files gives, at most: a power of two, so that a few files more or less change nothing.
 pub fn points_of_file(files: usize) -> usize {
-    let most = (SAMPLE_POINTS / files.max(1)).max(1);
+    let most = (LIMITS.sample_points / files.max(1)).max(1);
     1 << most.ilog2()
 }
 
@@ -21,7 +17,7 @@ fn records_of_chunk(file: &LidarFile, most: usize) -> u64 {
     if file.header.compressed {
         return 1;
     }
-    (most / file.chunks.len().max(1)).clamp(1, RECORDS_OF_A_CHUNK as usize) as u64
+    (most / file.chunks.len().max(1)).clamp(1, LIMITS.sample_chunk_records as usize) as u64
 }
 
 /// Points in the sample of such files.
@@ -66,7 +62,7 @@ impl Sparse {
         }
         let of_chunk = records_of_chunk(file, most);
         let stride = if of_chunk == 1 { Decoder::stride_of_firsts(file, most) } else { 1 };
-        let most_of_chunk = if file.header.compressed { 1 } else { RECORDS_OF_A_CHUNK };
+        let most_of_chunk = if file.header.compressed { 1 } else { LIMITS.sample_chunk_records };
         sparse.has_all = stride == 1 && of_chunk == most_of_chunk;
         let mut chunk_of_point = file.chunks.iter().enumerate().step_by(stride).flat_map(|(index, chunk)| {
             std::iter::repeat_n(index, if of_chunk == 1 { 1 } else { of_chunk.min(chunk.records) as usize })

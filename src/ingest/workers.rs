@@ -2,6 +2,7 @@
 
 use super::bins::{Binner, Bins};
 use super::input::Input;
+use crate::limits::LIMITS;
 use crate::source::contain::caught;
 use crate::source::{Chunk, Decoder, LayerMemory, LidarFile, SourceError, time_reading};
 use std::sync::Mutex;
@@ -50,9 +51,6 @@ pub(super) fn panicked(file: &LidarFile, chunk: &Chunk, read: u64, reason: &str)
     }
 }
 
-/// Jobs that wait for a worker.
-const QUEUE: usize = 64;
-
 /// Reads every chunk of `inputs` on `threads` workers and bins its points; returns what went wrong, in the
 /// order of files and chunks. A file that cannot be read any more is named once; a broken chunk is named and
 /// the next one goes on. `layers`: what decoders share.
@@ -71,7 +69,7 @@ pub fn read_all(
     // Chunks left in each file: its handle is closed after the last.
     let left: Vec<_> = inputs.iter().map(|i| AtomicUsize::new(i.file.chunks.len())).collect();
     let gone: Vec<_> = inputs.iter().map(|_| AtomicBool::new(false)).collect();
-    let (send, receive) = crossbeam_channel::bounded::<Job>(QUEUE);
+    let (send, receive) = crossbeam_channel::bounded::<Job>(LIMITS.waiting_chunks);
     std::thread::scope(|scope| {
         for _ in 0..threads.max(1) {
             let (receive, errors, left, gone) = (receive.clone(), &errors, &left, &gone);

@@ -5,13 +5,12 @@
 //! where its cells cover more than a pixel at its nearest point). It never depends on what is resident.
 
 use crate::coords::{Extent, Grid, SECTION_LOG2, SectionKey};
+use crate::limits::LIMITS;
 use crate::section::PayloadKey;
 use glam::DVec3;
 
 /// Coarsest detail level: the grid's anchor allows for no more.
 pub const MOST_LEVEL: u8 = 18;
-/// Nodes beyond which a cut is refined no further: nobody has the memory.
-pub const MOST_NODES: usize = 1 << 18;
 /// Columns around a section that shading looks at from within it.
 const HALO: f64 = 17.0;
 
@@ -165,7 +164,7 @@ impl Domain {
         let fine = pixels * f64::from(key.level).exp2() <= sight.detail;
         let index = cut.nodes.len() as u32;
         cut.nodes.push(Node { key, children: None, nearness: seen.then_some(pixels) });
-        if key.level > 0 && seen && !fine && cut.nodes.len() < MOST_NODES {
+        if key.level > 0 && seen && !fine && cut.nodes.len() < LIMITS.cut_nodes {
             let children: [Option<u32>; 4] =
                 std::array::from_fn(|quarter| self.refine(cut, key.child(quarter as i32), &here, sight));
             cut.nodes[index as usize].children = Some(children);

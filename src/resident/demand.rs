@@ -1,16 +1,14 @@
 //! What a camera wants: the cut of the moment, what comes into sight if it goes on, and the detail that memory allows.
 
-use super::cut::{Cut, Domain, MOST_LEVEL, MOST_NODES, Shown, Sight};
+use super::cut::{Cut, Domain, MOST_LEVEL, Shown, Sight};
 use super::motion::Motion;
 use super::policy::Wanted;
 use crate::coords::SectionKey;
+use crate::limits::LIMITS;
 use crate::section::PayloadKey;
 use std::collections::{HashMap, HashSet};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 use std::time::Instant;
-
-/// Ticks between two attempts to show more detail again.
-const COARSER_TICKS: u64 = 60;
 
 /// In each tick: [`Demand::look`] where the view is another, [`Demand::look_ahead`], and, once what is there has changed,
 /// [`Demand::show`].
@@ -82,7 +80,7 @@ impl Demand {
     pub fn look(&mut self, sight: &Sight, sample_level: u8) {
         loop {
             self.cut = self.domain.cut(&Sight { detail: self.detail(sight), ..sight.clone() });
-            if self.cut.nodes() < MOST_NODES {
+            if self.cut.nodes() < LIMITS.cut_nodes {
                 break;
             }
             self.coarser *= SQRT_2;
@@ -159,7 +157,7 @@ impl Demand {
 
     /// Detail that was given up may fit another view, which is not tried in every tick. Look again.
     pub fn refine_after_a_while(&mut self, tick: u64) {
-        if tick > self.coarsened + COARSER_TICKS {
+        if tick > self.coarsened + LIMITS.detail_ticks {
             self.coarser = (self.coarser * FRAC_1_SQRT_2).max(1.0);
             self.coarsened = tick;
         }

@@ -13,16 +13,11 @@ use crate::coords::SECTION_SIDE;
 use crate::gpu::{
     BindingKind, Buffer, ComputePipeline, Gpu, GpuError, MemoryKind, Order, Recipe, SyncPoint, shaders,
 };
+use crate::limits::LIMITS;
 use bytemuck::{Pod, Zeroable};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
-/// Sections that one submit derives.
-const SUBMIT_SECTIONS: usize = 64;
-/// Bytes of a buffer with what a dispatch of derived passes reads.
-const CONSTANT_BYTES: u64 = 16 << 10;
-const _: () = assert!(SUBMIT_SECTIONS * size_of::<Job>() <= CONSTANT_BYTES as usize);
-/// Such buffers that wait to be used again.
-const MOST_CONSTANTS: usize = 32;
+const _: () = assert!(LIMITS.submit_sections * size_of::<Job>() <= LIMITS.constant_bytes as usize);
 /// Longest hole that is bridged, cells: a bridge reaches as many columns beyond its section.
 const LONGEST_BRIDGE: u32 = 4;
 
@@ -353,7 +348,7 @@ impl Derive {
         }
         let mut built = None;
         for (passes, tasks) in Pass::phases(bridge).iter().zip([own, all]) {
-            for tasks in tasks.chunks(SUBMIT_SECTIONS) {
+            for tasks in tasks.chunks(LIMITS.submit_sections) {
                 let names: Vec<_> = passes.iter().map(|pass| pass.declared().name).collect();
                 let commands = queue.order.begin_build(&names.join(", "), &after)?;
                 let mut recording = queue.submits.start(commands)?;
@@ -374,7 +369,7 @@ impl Derive {
         }
         // All of its submits read them.
         self.constants.extend(built.map(|point| (point, run.parameters)));
-        let too_many = self.constants.len().saturating_sub(MOST_CONSTANTS);
+        let too_many = self.constants.len().saturating_sub(LIMITS.spare_constants);
         self.constants.drain(..too_many);
         Ok(if bridge { all.len() } else { own.len() } as u64)
     }
@@ -399,7 +394,7 @@ impl Derive {
             }
         }
         let dispatches = dispatches.iter().flat_map(|((variant, groups), jobs)| {
-            jobs.chunks(SUBMIT_SECTIONS).map(move |jobs| (*variant, *groups, jobs))
+            jobs.chunks(LIMITS.submit_sections).map(move |jobs| (*variant, *groups, jobs))
         });
         for (k, (variant, groups, jobs)) in dispatches.enumerate() {
             if k > 0 && run.pool.access() == Access::StorageBuffer {
@@ -459,7 +454,8 @@ impl Derive {
         Ok(())
     }
 
-    /// A buffer that begins with `bytes`, of which there are no more than [`CONSTANT_BYTES`]: one that earlier passes are
+    /// A buffer that begins with `bytes`, of which there are no more than
+    /// `LIMITS.constant_bytes`: one that earlier passes are
     /// known to be done with, if there is one.
     fn constant(&mut self, order: &mut Order, bytes: &[u8]) -> Result<Buffer, GpuError> {
         let is_free = match self.constants.front() {
@@ -469,7 +465,9 @@ impl Derive {
         let free = if is_free { self.constants.pop_front() } else { None };
         let buffer = match free {
             Some((_, buffer)) => buffer,
-            None => Buffer::new(&self.gpu, "what derived passes read", MemoryKind::Upload, CONSTANT_BYTES)?,
+            None => {
+                Buffer::new(&self.gpu, "what derived passes read", MemoryKind::Upload, LIMITS.constant_bytes)?
+            }
         };
         buffer.write(0, bytes);
         Ok(buffer)

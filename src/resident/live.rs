@@ -24,9 +24,6 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Bytes that one frame of something that moves may upload.
-pub const FRAME_BYTES: u64 = 4 << 20;
-
 /// What a tick has changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tick {

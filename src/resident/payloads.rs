@@ -5,11 +5,9 @@ use super::host_cache::HostCache;
 use super::policy::{Device, Memory, SectionState, States};
 use super::scene::{Scene, Upload};
 use crate::gpu::GpuError;
+use crate::limits::LIMITS;
 use crate::section::PayloadKey;
 use std::collections::{HashMap, HashSet};
-
-/// Payloads whose last use is remembered.
-const MOST_USED: usize = 1 << 16;
 
 /// What is known of payloads beside what the scene knows.
 pub struct Payloads {
@@ -56,7 +54,7 @@ impl Payloads {
 
     /// Forgets when payloads were used that are nowhere any more, once there are many.
     pub fn trim(&mut self, scene: &Scene) {
-        if self.used.len() > MOST_USED {
+        if self.used.len() > LIMITS.remembered_uses {
             let (cache, now) = (&self.cache, self.tick);
             self.used.retain(|&key, used| *used == now || cache.get(key).is_some() || scene.is_live(key));
         }

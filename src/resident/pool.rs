@@ -1,11 +1,10 @@
 //! The pool: device memory in which payloads lie, in pages, sub-allocated. It knows only bytes.
 
 use crate::gpu::{Buffer, DeviceKind, Gpu, GpuError, MemoryKind};
+use crate::limits::LIMITS;
 use crate::section::slot::{ALIGN, units};
 use offset_allocator::{Allocation, Allocator};
 
-/// Bytes of a page: small enough for devices that cap a storage buffer at 128 MiB.
-const PAGE_BYTES: u64 = 64 << 20;
 /// How shaders reach the pool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
@@ -33,9 +32,6 @@ fn texel_bytes(gpu: &Gpu) -> u64 {
     // Shaders count words in an i32.
     (u64::from(limits.texels) * 4).min(limits.buffer_bytes).min(limits.allocation_bytes).min(4 << 30)
 }
-
-/// Payloads in a page, at most: the allocator's own memory grows by it.
-const MOST_OF_PAGE: u32 = 1 << 14;
 
 /// What a slot is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -132,8 +128,8 @@ impl Pool {
         // The last page may be smaller than the others, where all of it counts.
         let size = match self.access {
             Access::Texels if texels => texel_bytes(&self.gpu) / ALIGN * ALIGN,
-            Access::Texels => PAGE_BYTES.max(bytes),
-            Access::Address => PAGE_BYTES.max(bytes).min(left),
+            Access::Texels => LIMITS.page_bytes.max(bytes),
+            Access::Address => LIMITS.page_bytes.max(bytes).min(left),
             Access::StorageBuffer => (self.gpu.limits().storage_buffer_range / ALIGN * ALIGN).min(left),
         };
         let only = texels || self.access == Access::StorageBuffer;
@@ -154,7 +150,7 @@ impl Pool {
             }
             Err(error) => return Err(error),
         };
-        let space = Allocator::with_max_allocs((size / ALIGN) as u32, MOST_OF_PAGE);
+        let space = Allocator::with_max_allocs((size / ALIGN) as u32, LIMITS.page_payloads);
         let page = Some(Page { buffer, space, free_bytes: size, most_bytes: 0, texels });
         let vacant = self.pages.iter().position(Option::is_none);
         let index = vacant.unwrap_or(self.pages.len());

@@ -14,6 +14,7 @@ use super::work::{Submits, Work};
 use crate::attribute::Kinds;
 use crate::coords::{Grid, Height, SectionKey};
 use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, MemoryKind, Order, SyncPoint};
+use crate::limits::LIMITS;
 use crate::section::{HighestOf, Layout, Payload, PayloadKey, device_bytes};
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
@@ -21,9 +22,6 @@ use std::sync::Arc;
 /// Most height steps a cell by which the ends of a gap may differ and it still be a slope: the ends of a gap are up to five
 /// cells apart, and their rise must fit a signed number of 32 bits.
 const STEEPEST: f64 = (i32::MAX / 5) as f64;
-/// Table copies, hence frames that may be under way at once. The window's swapchain has as many.
-pub const FRAMES_IN_FLIGHT: usize = 2;
-
 /// What has been copied and derived since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
@@ -149,7 +147,7 @@ impl Scene {
         grid: Grid,
     ) -> Result<Scene, GpuError> {
         Ok(Scene {
-            order: order(Order::new(gpu, FRAMES_IN_FLIGHT)?),
+            order: order(Order::new(gpu, LIMITS.frames_in_flight)?),
             gpu: gpu.clone(),
             submits: Submits::new(gpu),
             transfer: Transfer::new(gpu, access, budget_bytes)?,

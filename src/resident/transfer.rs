@@ -9,13 +9,9 @@
 use super::pool::{Access, Part, Pool, Slot};
 use super::work::{Recording, Submits, Work};
 use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, Order, SyncPoint, UploadRing, stream_words};
+use crate::limits::LIMITS;
 use crate::section::{HighestOf, Layout, Payload};
 use std::sync::{Arc, OnceLock};
-
-/// Bytes of the upload ring.
-const RING_BYTES: u64 = 16 << 20;
-/// Bytes of a payload larger than the ring that a frame copies.
-const PIECE_BYTES: u64 = 4 << 20;
 
 /// Where a payload and what is derived from it lie.
 pub struct Slots {
@@ -89,7 +85,7 @@ impl Transfer {
     pub fn new(gpu: &Gpu, access: Access, budget_bytes: u64) -> Result<Transfer, GpuError> {
         Ok(Transfer {
             pool: Pool::new(gpu, access, budget_bytes),
-            ring: UploadRing::new(gpu, "upload ring", RING_BYTES)?,
+            ring: UploadRing::new(gpu, "upload ring", LIMITS.ring_bytes)?,
             batch: None,
             ending: Vec::new(),
             in_pieces: None,
@@ -121,7 +117,7 @@ impl Transfer {
 
     /// Whether a payload goes in pieces and those of another are on their way.
     pub fn waits_for_pieces(&self, layout: &Layout) -> bool {
-        layout.uploaded_bytes() > RING_BYTES && self.is_in_pieces()
+        layout.uploaded_bytes() > LIMITS.ring_bytes && self.is_in_pieces()
     }
 
     /// Slots for a payload, if there are any now.
@@ -176,7 +172,7 @@ impl Transfer {
     ) -> Result<(Ticket, HighestOf), GpuError> {
         let len = layout.uploaded_bytes();
         let (page, offset) = self.place_of(slots);
-        let highest_of = if len <= RING_BYTES {
+        let highest_of = if len <= LIMITS.ring_bytes {
             let from = self.reserve(queue, len)?;
             let highest_of =
                 self.ring.buffer().write_with(from, len, |bytes| write(bytemuck::cast_slice_mut(bytes)));
@@ -185,7 +181,7 @@ impl Transfer {
         } else {
             let mut words = vec![0; layout.words as usize];
             let highest_of = write(&mut words);
-            let piece_bytes = RING_BYTES as usize / 2;
+            let piece_bytes = LIMITS.ring_bytes as usize / 2;
             for (piece, part) in bytemuck::cast_slice::<u32, u8>(&words).chunks(piece_bytes).enumerate() {
                 let from = self.reserve(queue, part.len() as u64)?;
                 self.ring.buffer().write(from, part);
@@ -207,7 +203,7 @@ impl Transfer {
     ) -> Result<Option<Ticket>, GpuError> {
         let len = payload.uploaded_bytes();
         let (page, offset) = self.place_of(slots);
-        if len > RING_BYTES {
+        if len > LIMITS.ring_bytes {
             if self.is_in_pieces() {
                 return Ok(None);
             }
@@ -238,7 +234,7 @@ impl Transfer {
     fn stage_piece(&mut self, queue: &mut Queue) -> Result<(), GpuError> {
         let Some(mut large) = self.in_pieces.take() else { return Ok(()) };
         let all = large.payload.uploaded_bytes();
-        let len = PIECE_BYTES.min(all - large.copied);
+        let len = LIMITS.piece_bytes.min(all - large.copied);
         if let Some(from) = self.ring.reserve(queue.order, len)? {
             let words = &large.payload.words[large.copied as usize / 4..(large.copied + len) as usize / 4];
             self.ring.buffer().write_with(from, len, |bytes| {

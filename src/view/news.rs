@@ -1,8 +1,8 @@
 //! What has come from files, other threads and the device is taken: often, and with nothing drawn.
 
 use super::viewer::Viewer;
+use crate::limits::LIMITS;
 use crate::render::frame::Shade;
-use crate::resident::live::FRAME_BYTES;
 use std::time::Instant;
 
 impl Viewer {
@@ -70,7 +70,7 @@ impl Viewer {
             self.canvas.size(),
             self.settings.z_scale,
             self.settings.shade == Shade::Lit,
-            self.canvas.upload_bytes(FRAME_BYTES),
+            self.canvas.upload_bytes(LIMITS.frame_bytes),
         )?;
         if tick.changed {
             self.redraw.outdate();

@@ -6,12 +6,12 @@ use super::live::{self, PLENTY, World, tiles};
 use super::scene::{self, BRIDGED};
 use lasray::attribute::{ColorMode, ColorTable};
 use lasray::gpu::Gpu;
+use lasray::limits::LIMITS;
 use lasray::load;
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::Renderer;
 use lasray::render::image::Image;
-use lasray::resident::live::FRAME_BYTES;
 use lasray::resident::pool::Access;
 use lasray::source::LidarFile;
 use lasray::source::placement::{Placement, PlacementOptions};
@@ -47,7 +47,7 @@ impl Seen {
     fn until(&mut self, done: impl Fn(&view::data::Data) -> bool) {
         let start = Instant::now();
         loop {
-            self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true, FRAME_BYTES).unwrap();
+            self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true, LIMITS.frame_bytes).unwrap();
             if self.data.is_complete() && self.data.about().is_some() && done(&self.data) {
                 return;
             }

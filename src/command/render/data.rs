@@ -5,6 +5,7 @@ use crate::coords::{Grid, SectionKey};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::Core;
 use crate::ingest::builds::OpenInput;
+use crate::limits::LIMITS;
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::problems::Problems;
 use crate::resident::cut::Sight;
@@ -116,14 +117,11 @@ impl Filled {
     }
 }
 
-/// Bytes uploaded between two looks at what else there is to do.
-const UPLOAD_BYTES: u64 = 8 << 20;
-
 /// Reads and uploads what a picture needs, or until there is something to see.
 pub(super) fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Args) -> anyhow::Result<Status> {
     let bar = load::bar(0, args.quiet, "reading {wide_bar} {human_pos}/{human_len} sections {eta}");
     loop {
-        let tick = live.tick(scene, sight, UPLOAD_BYTES)?;
+        let tick = live.tick(scene, sight, LIMITS.fill_bytes)?;
         let enough = match args.wait {
             Wait::Complete => tick.complete,
             Wait::None => tick.complete || live.sampled() && !live.shown().is_empty(),
