@@ -9,7 +9,9 @@ use crate::gpu::{
     BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
     Recipe, SyncPoint, Timestamps, shaders,
 };
-use crate::render::frame::{FrameConstants, FrameError, FramePush, LOG_WORDS, PassRepeats, View, ViewRays};
+use crate::render::frame::{
+    FrameConstants, FrameError, FramePush, LOG_WORDS, PassRepeats, View, ViewRays, halves,
+};
 use cpu_time::ThreadTime;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -409,12 +411,18 @@ impl Thesis {
     ) -> Result<(Commands, FrameConstants), FrameError> {
         let rays = ViewRays::of(view, &world.grid, world.anchor)?;
         let [low, high] = view.window.expect("a camera section");
-        let constants = FrameConstants::new(view, &rays, &world.grid, world.anchor).over(
-            [&self.heights, &self.hits, image, &self.colors],
-            self.config.side().ilog2(),
-            self.config.levels as i32 - 1,
-            [low, high],
-        );
+        // The kernel reads the same constants over its own buffers.
+        let constants = FrameConstants {
+            table: halves(self.heights.address()),
+            hits: halves(self.hits.address()),
+            colors: halves(image.address()),
+            ramp: halves(self.colors.address()),
+            table_mask: self.config.side().ilog2(),
+            top_level: self.config.levels as i32 - 1,
+            low,
+            high,
+            ..FrameConstants::new(view, &rays, &world.grid, world.anchor)
+        };
         let (mut commands, _) = self.order.begin_frame("thesis frame")?;
         self.constants.write(0, bytemuck::bytes_of(&constants));
         for buffer in [&self.heights, &self.colors, &self.constants, &self.hits, image] {

@@ -4,7 +4,6 @@ use super::options::{Background, Shade, View};
 use super::rays::{Origins, ViewRays};
 use crate::attribute::ColorMode;
 use crate::coords::{Grid, Height};
-use crate::gpu::Buffer;
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -98,30 +97,6 @@ impl FrameConstants {
                 Shade::Lit => (view.floor / grid.height_step - f64::from(height_anchor.0)) as f32,
             },
             ..FrameConstants::zeroed()
-        }
-    }
-}
-
-impl FrameConstants {
-    /// The same over what the thesis' kernel reads: heights, hits, image and colours; log2 of the section's side;
-    /// its coarsest level; where it lies.
-    pub(crate) fn over(
-        self,
-        [heights, hits, image, colors]: [&Buffer; 4],
-        side_log2: u32,
-        top_level: i32,
-        [low, high]: [[i32; 2]; 2],
-    ) -> FrameConstants {
-        FrameConstants {
-            table: halves(heights.address()),
-            hits: halves(hits.address()),
-            colors: halves(image.address()),
-            ramp: halves(colors.address()),
-            table_mask: side_log2,
-            top_level,
-            low,
-            high,
-            ..self
         }
     }
 }
