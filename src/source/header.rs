@@ -98,6 +98,40 @@ impl Counts {
     }
 }
 
+/// Points that the header claims: of two counts the one that is meant.
+fn claimed_points(bytes: &FileBytes, raw: &las::raw::Header, format: u8, warnings: &mut Vec<Warning>) -> u64 {
+    let compressed = raw.point_data_record_format & 0x80 != 0;
+    let record_len = raw.point_data_record_length;
+    let offset_to_points = u64::from(raw.offset_to_point_data);
+    match &raw.large_file {
+        Some(large) => {
+            // Points end where the first extended record begins, if that is where there are any.
+            let evlrs = raw
+                .evlr
+                .as_ref()
+                .filter(|evlr| evlr.number_of_evlrs > 0)
+                .map(|evlr| evlr.start_of_first_evlr);
+            let end = evlrs.filter(|&at| at > offset_to_points).map_or(bytes.len(), |at| at.min(bytes.len()));
+            let room = end.saturating_sub(offset_to_points);
+            let counts = Counts {
+                legacy: raw.number_of_point_records,
+                large: large.number_of_point_records,
+                // What compressed points take tells nothing of how many they are.
+                held: (!compressed && room % u64::from(record_len) == 0)
+                    .then_some(room / u64::from(record_len)),
+            };
+            let (used, why) = counts.choose(format);
+            let Counts { legacy, large, .. } = counts;
+            // A 32-bit count of 0 says that the other one is meant.
+            if legacy != 0 && u64::from(legacy) != large {
+                warnings.push(Warning::CountsDiffer { legacy, large, used, why });
+            }
+            used
+        }
+        None => u64::from(raw.number_of_point_records),
+    }
+}
+
 /// Reads the header and checks what the rest relies on.
 pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Parsed, SourceError> {
     let path = || bytes.path().to_owned();
@@ -172,29 +206,7 @@ pub(super) fn read(bytes: &FileBytes, warnings: &mut Vec<Warning>) -> Result<Par
         let reason = format!("points cannot begin inside a header of {need} bytes");
         return Err(bad(96, "offset to point data", offset_to_points.to_string(), &reason));
     }
-    let claimed_points = match raw.large_file {
-        Some(large) => {
-            // Points end where the first extended record begins, if that is where there are any.
-            let evlrs = raw.evlr.filter(|evlr| evlr.number_of_evlrs > 0).map(|evlr| evlr.start_of_first_evlr);
-            let end = evlrs.filter(|&at| at > offset_to_points).map_or(bytes.len(), |at| at.min(bytes.len()));
-            let room = end.saturating_sub(offset_to_points);
-            let counts = Counts {
-                legacy: raw.number_of_point_records,
-                large: large.number_of_point_records,
-                // What compressed points take tells nothing of how many they are.
-                held: (!compressed && room % u64::from(record_len) == 0)
-                    .then_some(room / u64::from(record_len)),
-            };
-            let (used, why) = counts.choose(format);
-            let Counts { legacy, large, .. } = counts;
-            // A 32-bit count of 0 says that the other one is meant.
-            if legacy != 0 && u64::from(legacy) != large {
-                warnings.push(Warning::CountsDiffer { legacy, large, used, why });
-            }
-            used
-        }
-        None => u64::from(raw.number_of_point_records),
-    };
+    let claimed_points = claimed_points(bytes, &raw, format, warnings);
     if claimed_points > 0 && offset_to_points > bytes.len() {
         let reason = format!("the file ends at {}", bytes.len());
         return Err(bad(96, "offset to point data", offset_to_points.to_string(), &reason));

@@ -566,6 +566,40 @@ fn epsg(node: &Node) -> Option<u32> {
     (id.name()?.eq_ignore_ascii_case("EPSG") && (1.0..1e6).contains(&code)).then_some(code as u32)
 }
 
+/// The method that a definition calls `name`, in plain letters. `is_sphere`: it means the sphere of web maps.
+fn method_of(name: &str, is_sphere: impl Fn() -> bool) -> Option<Method> {
+    Some(match name {
+        "transversemercator" | "gausskruger" | "transversemercatorcomplex" => Method::TransverseMercator,
+        "lambertconformalconic"
+        | "lambertconformalconic1sp"
+        | "lambertconformalconic2sp"
+        | "lambertconicconformal1sp"
+        | "lambertconicconformal2sp" => Method::LambertConformalConic,
+        "albers" | "albersconicequalarea" | "albersequalarea" => Method::AlbersEqualArea,
+        "polarstereographic"
+        | "polarstereographicvarianta"
+        | "polarstereographicvariantb"
+        | "stereographicnorthpole"
+        | "stereographicsouthpole" => Method::PolarStereographic,
+        "obliquestereographic" | "doublestereographic" => Method::ObliqueStereographic,
+        "mercatorauxiliarysphere" | "popularvisualisationpseudomercator" => Method::WebMercator,
+        "mercator1sp" if is_sphere() => Method::WebMercator,
+        "mercator" | "mercator1sp" | "mercator2sp" | "mercatorvarianta" | "mercatorvariantb" => {
+            Method::Mercator
+        }
+        "lambertazimuthalequalarea" => Method::LambertAzimuthalEqualArea,
+        "cassinisoldner" | "cassini" => Method::CassiniSoldner,
+        "hotineobliquemercator"
+        | "hotineobliquemercatorvarianta"
+        | "hotineobliquemercatorazimuthnaturalorigin" => Method::HotineObliqueMercatorA,
+        "hotineobliquemercatorazimuthcenter"
+        | "hotineobliquemercatorvariantb"
+        | "swissobliquecylindrical"
+        | "swissobliquemercator" => Method::HotineObliqueMercatorB,
+        _ => return None,
+    })
+}
+
 /// The projection of a projected node; `unit`: metres, `degree`: radians.
 fn projection_of(
     node: &Node,
@@ -625,36 +659,7 @@ fn projection_of(
         _ => None,
     });
     let is_sphere = || code == Some(3857) || extension.is_some_and(|text| text.contains("+b=6378137 "));
-    let method = match method.as_str() {
-        "transversemercator" | "gausskruger" | "transversemercatorcomplex" => Method::TransverseMercator,
-        "lambertconformalconic"
-        | "lambertconformalconic1sp"
-        | "lambertconformalconic2sp"
-        | "lambertconicconformal1sp"
-        | "lambertconicconformal2sp" => Method::LambertConformalConic,
-        "albers" | "albersconicequalarea" | "albersequalarea" => Method::AlbersEqualArea,
-        "polarstereographic"
-        | "polarstereographicvarianta"
-        | "polarstereographicvariantb"
-        | "stereographicnorthpole"
-        | "stereographicsouthpole" => Method::PolarStereographic,
-        "obliquestereographic" | "doublestereographic" => Method::ObliqueStereographic,
-        "mercatorauxiliarysphere" | "popularvisualisationpseudomercator" => Method::WebMercator,
-        "mercator1sp" if is_sphere() => Method::WebMercator,
-        "mercator" | "mercator1sp" | "mercator2sp" | "mercatorvarianta" | "mercatorvariantb" => {
-            Method::Mercator
-        }
-        "lambertazimuthalequalarea" => Method::LambertAzimuthalEqualArea,
-        "cassinisoldner" | "cassini" => Method::CassiniSoldner,
-        "hotineobliquemercator"
-        | "hotineobliquemercatorvarianta"
-        | "hotineobliquemercatorazimuthnaturalorigin" => Method::HotineObliqueMercatorA,
-        "hotineobliquemercatorazimuthcenter"
-        | "hotineobliquemercatorvariantb"
-        | "swissobliquecylindrical"
-        | "swissobliquemercator" => Method::HotineObliqueMercatorB,
-        _ => return None,
-    };
+    let method = method_of(&method, is_sphere)?;
     let mut projection = Projection {
         lat0: lat0.unwrap_or(0.0),
         lon0: or_zero(&longitudes) + meridian,

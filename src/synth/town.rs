@@ -729,145 +729,15 @@ impl Town {
     ) {
         let first = found.len();
         if rng.random_bool(0.95) {
-            let color = match rng.random_range(0.0..1.0) {
-                c if c < 0.35 => palette[0],
-                c if c < 0.55 => palette[1],
-                _ => pick(rng, &ROOF_TILES),
-            };
-            let color = tint(color, rng.random_range(-0.08..0.08));
-            let along_street = rng.random_bool(0.74);
-            let mut long = rng.random_range(5.2..7.4_f64);
-            let mut wide = rng.random_range(4.3..5.6_f64);
-            if !along_street {
-                (long, wide) = (long.min(6.2), wide.min(0.33 * lot.width));
-            }
-            long = long.min(0.5 * lot.width - 1.6).max(wide);
-            let reach = if along_street { wide } else { long };
-            let behind = setback + rng.random_range(-0.8..1.6) + reach;
-            let shift = rng.random_range(-1.0..1.0)
-                * (0.5 * lot.width - if along_street { long } else { wide } - 1.2).max(0.0);
-            let plain = lot.frame(shift, behind, [long, wide]);
-            let mut frame = if along_street { plain } else { plain.turned(0.0, 0.0, [long, wide]) };
-            let (sin, cos) = rng.random_range(-0.035..0.035_f64).sin_cos();
-            frame.axis =
-                [frame.axis[0] * cos - frame.axis[1] * sin, frame.axis[1] * cos + frame.axis[0] * sin];
-
-            let ground = lot.ground(shift, behind);
-            let pitch = rng.random_range(33.0..47.0_f64).to_radians().tan();
-            let eaves = ground + rng.random_range(3.0..5.9);
-            let shape = match rng.random_range(0.0..1.0) {
-                s if s < 0.07 => RoofShape::Flat,
-                s if s < 0.27 => RoofShape::Hip,
-                _ => RoofShape::Gable,
-            };
-            let rise = pitch * wide;
-            let color = if shape == RoofShape::Flat { [0.56, 0.56, 0.54] } else { color };
-            let panels = rng.random_bool(0.17);
-            found.push(Object::Roof(Roof { frame, shape, eaves, rise, color, panels }));
-
-            // A wing towards the garden.
-            let garden = if along_street { lot.back } else { -1.0 };
-            if shape != RoofShape::Flat && rng.random_bool(0.3) {
-                let half = rng.random_range(2.4..3.4_f64).min(wide - 0.4);
-                let out = wide + rng.random_range(2.5..5.0);
-                let side = long - half - rng.random_range(0.0..1.0);
-                let side = if rng.random_bool(0.5) { side } else { -side };
-                let wing = frame.turned(side, garden * out / 2.0, [out / 2.0, half]);
-                found.push(Object::Roof(Roof {
-                    frame: wing,
-                    shape: RoofShape::Gable,
-                    eaves,
-                    rise: pitch * half,
-                    color,
-                    panels: false,
-                }));
-            }
-            if shape == RoofShape::Gable && rise > 3.0 && rng.random_bool(0.35) {
-                for side in [-1.0, 1.0] {
-                    let dormer = frame.turned(side * 0.42 * long, -garden * 0.5 * wide, [0.34 * wide, 1.15]);
-                    let eaves = eaves + 0.52 * rise;
-                    found.push(Object::Roof(Roof {
-                        frame: dormer,
-                        shape: RoofShape::Gable,
-                        eaves,
-                        rise: 0.8,
-                        color: tint(color, -0.06),
-                        panels: false,
-                    }));
-                }
-            }
-            if shape != RoofShape::Flat && rng.random_bool(0.65) {
-                let chimney = frame.moved(rng.random_range(-0.45..0.45) * long, 0.5, [0.42, 0.36]);
-                let top = eaves + rise + 0.35;
-                found.push(Object::Roof(Roof {
-                    frame: chimney,
-                    shape: RoofShape::Flat,
-                    eaves: top,
-                    rise: 0.0,
-                    color: [0.42, 0.30, 0.26],
-                    panels: false,
-                }));
-            }
-            let hand = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-            let drive = hand * (0.5 * lot.width - 2.0);
-            if rng.random_bool(0.55) {
-                let garage = lot.frame(drive, behind + 1.0, [1.7, 3.1]);
-                let free = (drive - shift).abs() > 1.6 + if along_street { long } else { wide };
-                if free {
-                    let flat = rng.random_bool(0.7);
-                    found.push(Object::Roof(Roof {
-                        frame: garage.turned(0.0, 0.0, [3.1, 1.7]),
-                        shape: if flat { RoofShape::Flat } else { RoofShape::Gable },
-                        eaves: ground + 2.4,
-                        rise: 1.4,
-                        color: if flat { [0.50, 0.50, 0.49] } else { color },
-                        panels: false,
-                    }));
-                }
-                let length = behind - if free { 2.1 } else { 0.0 };
-                let shade = pick(rng, &[PAVING, [0.52, 0.50, 0.49], [0.62, 0.54, 0.48]]);
-                found.push(Object::Decal(Decal {
-                    frame: lot.frame(drive, length / 2.0, [1.6, length / 2.0]),
-                    color: shade,
-                    intensity: 15_000,
-                }));
-                if rng.random_bool(0.4) && length > 5.5 {
-                    let at = lot.at(drive, length - 3.2);
-                    let along = lot.front.turned(0.0, 0.0, [1.0, 1.0]).axis;
-                    found.push(car(at, along, lot.ground(drive, length - 3.2), pick(rng, &CAR_PAINT)));
-                }
-            }
-            let terrace = lot.frame(shift + 0.3 * long, behind + reach + 1.6, [2.6, 1.8]);
-            found.push(Object::Decal(Decal {
-                frame: terrace,
-                color: tint(PAVING, rng.random_range(-0.15..0.1)),
-                intensity: 15_000,
-            }));
+            house(lot, setback, palette, rng, found);
         }
-        // Garden: what is far enough from the front.
-        let room = lot.depth - 15.0;
-        if room > 6.0 {
-            if rng.random_bool(0.06) {
-                let pool = lot.frame(rng.random_range(-3.0..3.0), 18.0 + 0.5 * (room - 6.0), [3.6, 1.8]);
-                found.push(Object::Decal(Decal { frame: pool, color: [0.33, 0.66, 0.74], intensity: 3_000 }));
-            } else if rng.random_bool(0.18) {
-                let bed = lot.frame(rng.random_range(-4.0..4.0), lot.depth - 4.5, [2.8, 1.9]);
-                found.push(Object::Decal(Decal { frame: bed, color: [0.40, 0.31, 0.23], intensity: 14_000 }));
-            }
-            if rng.random_bool(0.4) {
-                let hand = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
-                let (along, behind) = (hand * (0.5 * lot.width - 2.8), lot.depth - 2.2);
-                found.push(Object::Roof(Roof {
-                    frame: lot.frame(along, behind, [1.7, 1.3]),
-                    shape: RoofShape::Shed,
-                    eaves: lot.ground(along, behind) + 2.0,
-                    rise: 0.6,
-                    color: [0.45, 0.37, 0.30],
-                    panels: false,
-                }));
-            }
-        }
+        furnish_garden(lot, rng, found);
         self.garden_hedges(lot, rng, found);
+        self.garden_trees(lot, first, rng, found);
+    }
+
+    /// Trees and shrubs of a lot, clear of its houses and of each other; its objects are those from `first` on.
+    fn garden_trees(&self, lot: &Lot, first: usize, rng: &mut Pcg64Mcg, found: &mut Vec<Object>) {
         for _ in 0..rng.random_range(2..8) {
             let along = rng.random_range(-0.47..0.47) * lot.width;
             let behind = if rng.random_bool(0.75) {
@@ -1211,4 +1081,161 @@ fn field_frame(u: f64, v: f64) -> [f64; 2] {
 
 fn field_frame_inverse(along: f64, across: f64) -> [f64; 2] {
     [along * FIELD_TURN[0] - across * FIELD_TURN[1], across * FIELD_TURN[0] + along * FIELD_TURN[1]]
+}
+
+/// A house with what is on and beside it: wing, dormers, chimney, garage, terrace.
+fn house(lot: &Lot, setback: f64, palette: [Rgb; 2], rng: &mut Pcg64Mcg, found: &mut Vec<Object>) {
+    let color = match rng.random_range(0.0..1.0) {
+        c if c < 0.35 => palette[0],
+        c if c < 0.55 => palette[1],
+        _ => pick(rng, &ROOF_TILES),
+    };
+    let color = tint(color, rng.random_range(-0.08..0.08));
+    let along_street = rng.random_bool(0.74);
+    let mut long = rng.random_range(5.2..7.4_f64);
+    let mut wide = rng.random_range(4.3..5.6_f64);
+    if !along_street {
+        (long, wide) = (long.min(6.2), wide.min(0.33 * lot.width));
+    }
+    long = long.min(0.5 * lot.width - 1.6).max(wide);
+    let reach = if along_street { wide } else { long };
+    let behind = setback + rng.random_range(-0.8..1.6) + reach;
+    let shift = rng.random_range(-1.0..1.0)
+        * (0.5 * lot.width - if along_street { long } else { wide } - 1.2).max(0.0);
+    let plain = lot.frame(shift, behind, [long, wide]);
+    let mut frame = if along_street { plain } else { plain.turned(0.0, 0.0, [long, wide]) };
+    let (sin, cos) = rng.random_range(-0.035..0.035_f64).sin_cos();
+    frame.axis = [frame.axis[0] * cos - frame.axis[1] * sin, frame.axis[1] * cos + frame.axis[0] * sin];
+
+    let ground = lot.ground(shift, behind);
+    let pitch = rng.random_range(33.0..47.0_f64).to_radians().tan();
+    let eaves = ground + rng.random_range(3.0..5.9);
+    let shape = match rng.random_range(0.0..1.0) {
+        s if s < 0.07 => RoofShape::Flat,
+        s if s < 0.27 => RoofShape::Hip,
+        _ => RoofShape::Gable,
+    };
+    let rise = pitch * wide;
+    let color = if shape == RoofShape::Flat { [0.56, 0.56, 0.54] } else { color };
+    let panels = rng.random_bool(0.17);
+    found.push(Object::Roof(Roof { frame, shape, eaves, rise, color, panels }));
+
+    // A wing towards the garden.
+    let garden = if along_street { lot.back } else { -1.0 };
+    if shape != RoofShape::Flat && rng.random_bool(0.3) {
+        let half = rng.random_range(2.4..3.4_f64).min(wide - 0.4);
+        let out = wide + rng.random_range(2.5..5.0);
+        let side = long - half - rng.random_range(0.0..1.0);
+        let side = if rng.random_bool(0.5) { side } else { -side };
+        let wing = frame.turned(side, garden * out / 2.0, [out / 2.0, half]);
+        found.push(Object::Roof(Roof {
+            frame: wing,
+            shape: RoofShape::Gable,
+            eaves,
+            rise: pitch * half,
+            color,
+            panels: false,
+        }));
+    }
+    if shape == RoofShape::Gable && rise > 3.0 && rng.random_bool(0.35) {
+        for side in [-1.0, 1.0] {
+            let dormer = frame.turned(side * 0.42 * long, -garden * 0.5 * wide, [0.34 * wide, 1.15]);
+            let eaves = eaves + 0.52 * rise;
+            found.push(Object::Roof(Roof {
+                frame: dormer,
+                shape: RoofShape::Gable,
+                eaves,
+                rise: 0.8,
+                color: tint(color, -0.06),
+                panels: false,
+            }));
+        }
+    }
+    if shape != RoofShape::Flat && rng.random_bool(0.65) {
+        let chimney = frame.moved(rng.random_range(-0.45..0.45) * long, 0.5, [0.42, 0.36]);
+        let top = eaves + rise + 0.35;
+        found.push(Object::Roof(Roof {
+            frame: chimney,
+            shape: RoofShape::Flat,
+            eaves: top,
+            rise: 0.0,
+            color: [0.42, 0.30, 0.26],
+            panels: false,
+        }));
+    }
+    let house = [shift, behind, if along_street { long } else { wide }];
+    driveway(lot, house, ground, color, rng, found);
+    let terrace = lot.frame(shift + 0.3 * long, behind + reach + 1.6, [2.6, 1.8]);
+    found.push(Object::Decal(Decal {
+        frame: terrace,
+        color: tint(PAVING, rng.random_range(-0.15..0.1)),
+        intensity: 15_000,
+    }));
+}
+
+/// The way to a garage beside the house, often with the garage, sometimes with a car. `[shift, behind, half]`: where along
+/// and behind the front the middle of the house is, and half its width there.
+fn driveway(
+    lot: &Lot,
+    [shift, behind, half]: [f64; 3],
+    ground: f64,
+    color: Rgb,
+    rng: &mut Pcg64Mcg,
+    found: &mut Vec<Object>,
+) {
+    let hand = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+    let drive = hand * (0.5 * lot.width - 2.0);
+    if rng.random_bool(0.55) {
+        let garage = lot.frame(drive, behind + 1.0, [1.7, 3.1]);
+        let free = (drive - shift).abs() > 1.6 + half;
+        if free {
+            let flat = rng.random_bool(0.7);
+            found.push(Object::Roof(Roof {
+                frame: garage.turned(0.0, 0.0, [3.1, 1.7]),
+                shape: if flat { RoofShape::Flat } else { RoofShape::Gable },
+                eaves: ground + 2.4,
+                rise: 1.4,
+                color: if flat { [0.50, 0.50, 0.49] } else { color },
+                panels: false,
+            }));
+        }
+        let length = behind - if free { 2.1 } else { 0.0 };
+        let shade = pick(rng, &[PAVING, [0.52, 0.50, 0.49], [0.62, 0.54, 0.48]]);
+        found.push(Object::Decal(Decal {
+            frame: lot.frame(drive, length / 2.0, [1.6, length / 2.0]),
+            color: shade,
+            intensity: 15_000,
+        }));
+        if rng.random_bool(0.4) && length > 5.5 {
+            let at = lot.at(drive, length - 3.2);
+            let along = lot.front.turned(0.0, 0.0, [1.0, 1.0]).axis;
+            found.push(car(at, along, lot.ground(drive, length - 3.2), pick(rng, &CAR_PAINT)));
+        }
+    }
+}
+
+/// A pool or a bed, and a shed, in what of the lot is far enough from the front.
+fn furnish_garden(lot: &Lot, rng: &mut Pcg64Mcg, found: &mut Vec<Object>) {
+    let room = lot.depth - 15.0;
+    if room > 6.0 {
+        if rng.random_bool(0.06) {
+            let pool = lot.frame(rng.random_range(-3.0..3.0), 18.0 + 0.5 * (room - 6.0), [3.6, 1.8]);
+            found.push(Object::Decal(Decal { frame: pool, color: [0.33, 0.66, 0.74], intensity: 3_000 }));
+        } else if rng.random_bool(0.18) {
+            let bed = lot.frame(rng.random_range(-4.0..4.0), lot.depth - 4.5, [2.8, 1.9]);
+            found.push(Object::Decal(Decal { frame: bed, color: [0.40, 0.31, 0.23], intensity: 14_000 }));
+        }
+        if rng.random_bool(0.4) {
+            let hand = if rng.random_bool(0.5) { 1.0 } else { -1.0 };
+            let (along, behind) = (hand * (0.5 * lot.width - 2.8), lot.depth - 2.2);
+            found.push(Object::Roof(Roof {
+                frame: lot.frame(along, behind, [1.7, 1.3]),
+                shape: RoofShape::Shed,
+                eaves: lot.ground(along, behind) + 2.0,
+                rise: 0.6,
+                color: [0.45, 0.37, 0.30],
+                panels: false,
+            }));
+        }
+    }
 }
