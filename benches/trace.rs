@@ -8,10 +8,10 @@ use anyhow::Context;
 use clap::Parser;
 use lasray::bench::frames::{self, differing};
 use lasray::bench::log::Counts;
-use lasray::bench::pool::{self, BUDGET, Pool};
+use lasray::bench::pool::{self, BUDGET, PoolPipeline};
 use lasray::bench::report::COMMIT;
 use lasray::bench::steady::{self, Repeats, WarmUp};
-use lasray::bench::thesis::{Config, Kernel, Picture, STRIPS, Thesis};
+use lasray::bench::thesis::{Config, Kernel, STRIPS, Thesis, ThesisImage};
 use lasray::bench::world::{self, TOWN_POINTS, World};
 use lasray::gpu::{DeviceKind, Gpu, GpuOptions, QueueKind, Recipe, Timestamps};
 use lasray::ingest::bins::Budget;
@@ -221,7 +221,7 @@ struct Laboratory<'a> {
     drawers: Vec<Drawer>,
     warm_ups: Vec<WarmUp>,
     thesis: Thesis,
-    pools: HashMap<&'static str, Pool>,
+    pools: HashMap<&'static str, PoolPipeline>,
     clock: Timestamps,
     notes: Vec<String>,
 }
@@ -325,7 +325,7 @@ impl<'a> Laboratory<'a> {
 
     /// Compares every variant's picture with the thesis', lit ones with the first lit one.
     fn compare(&mut self, shot: &Shot, times: &mut [Vec<Times>], at: usize) -> anyhow::Result<()> {
-        let mut theirs: Option<Picture> = None;
+        let mut theirs: Option<ThesisImage> = None;
         let mut lit: Option<Image> = None;
         let pixels = f64::from(self.size[0]) * f64::from(self.size[1]);
         for (k, times) in times.iter_mut().enumerate() {
@@ -396,9 +396,9 @@ fn unlike(a: &Image, b: &Image) -> usize {
 }
 
 /// A pool that holds windows of `config`, with one of them resident.
-fn filled(gpu: &Gpu, world: &World, config: Config, access: Access) -> anyhow::Result<Pool> {
+fn filled(gpu: &Gpu, world: &World, config: Config, access: Access) -> anyhow::Result<PoolPipeline> {
     let most = BUDGET.min(gpu.info().memory_bytes / 8 * 7);
-    let mut pool = Pool::with_access(gpu, world, access, most)?;
+    let mut pool = PoolPipeline::with_access(gpu, world, access, most)?;
     let half = (config.side() / 2) as i32;
     let corner = world.corner();
     pool.place(world, config.window(corner.map(|c| c + half)))?;

@@ -7,7 +7,7 @@ use crate::ingest::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::ingest::budget::layer_bytes;
 use crate::ingest::builds::OpenInput;
 use crate::ingest::input::Input;
-use crate::ingest::workers::{Progress, read_all};
+use crate::ingest::workers::{ReadProgress, read_all};
 use crate::problems::Problems;
 use crate::sample::{self, FileSample, Opened, RgbDepth};
 use crate::section::Columns;
@@ -192,7 +192,7 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     let bins = Bins::new(grid, core, Budget { host_bytes, ..options.budget });
     let total = inputs.iter().map(|i| i.input.file.points()).sum();
     let inputs: Vec<_> = inputs.into_iter().map(|i| i.input).collect();
-    let progress = Progress::default();
+    let progress = ReadProgress::default();
     let errors =
         watched(total, options.quiet, &progress, || read_all(&inputs, &bins, threads(), &layers, &progress));
     errors.iter().for_each(|error| problems.error(error));
@@ -238,7 +238,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         [only] => format!("{}: ", only.file.path().display()),
         _ => String::new(),
     };
-    let sample = sample::take(&opened, &options.placement, &sample::Budget::default());
+    let sample = sample::take(&opened, &options.placement, &sample::SampleBudget::default());
     for note in &sample.world.notes {
         let line = match note.file() {
             Some(file) => format!("{}: {note}", opened[file].file.path().display()),
@@ -413,7 +413,7 @@ pub fn tiles_of(
     let cell = options.cell.unwrap_or(0.5);
     let grid = grid(cell, &flat)?;
     let bins = Bins::new(grid, core(cell, &flat), options.budget);
-    let progress = Progress::default();
+    let progress = ReadProgress::default();
     let sampled = std::sync::Mutex::new(crate::attribute::AttributeSample::default());
     watched(tiles.iter().map(|t| t.points).sum(), options.quiet, &progress, || {
         let next = std::sync::atomic::AtomicUsize::new(0);
@@ -543,7 +543,7 @@ fn finish(
 }
 
 /// Runs `work` while a progress bar follows `progress`.
-fn watched<T: Send>(total: u64, quiet: bool, progress: &Progress, work: impl FnOnce() -> T + Send) -> T {
+fn watched<T: Send>(total: u64, quiet: bool, progress: &ReadProgress, work: impl FnOnce() -> T + Send) -> T {
     let bar = bar(total, quiet, "reading {wide_bar} {human_pos}/{human_len} points {eta}");
     let result = std::thread::scope(|scope| {
         let worker = scope.spawn(work);

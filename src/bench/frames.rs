@@ -1,9 +1,9 @@
 //! Both pipelines along camera paths, frame by frame.
 
 use super::failure::{Stopped, is_too_large};
-use super::pool::{AHEAD, Pool};
+use super::pool::{AHEAD, PoolPipeline};
 use super::steady::{self, Repeats, Timing, WarmUp};
-use super::thesis::{Config, Kernel, Picture, Thesis};
+use super::thesis::{Config, Kernel, Thesis, ThesisImage};
 use super::times::FrameTimes;
 use super::world::World;
 use crate::coords::{Bounds, CELL_LIMIT};
@@ -17,7 +17,7 @@ use glam::{DVec2, DVec3};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// What is run.
-pub struct Options<'a> {
+pub struct FlightOptions<'a> {
     /// Pixels.
     pub size: [u32; 2],
     /// Frames of each path that are drawn and measured, spread over it; the pool streams in all of them.
@@ -30,7 +30,7 @@ pub struct Options<'a> {
     pub stop: &'a AtomicBool,
 }
 
-impl Options<'_> {
+impl FlightOptions<'_> {
     fn drawn(&self, path: &CameraPath) -> Vec<u32> {
         path.spread(self.frames.max(1)).collect()
     }
@@ -126,7 +126,7 @@ pub struct ThesisRun {
 }
 
 /// Pixels that differ: hit in one and missed in the other, or in colour by more than 1/255 of sRGB.
-pub fn differing(ours: &Image, theirs: &Picture) -> usize {
+pub fn differing(ours: &Image, theirs: &ThesisImage) -> usize {
     let code = |v: f32| crate::attribute::linear_to_srgb(v.clamp(0.0, 1.0)) * 255.0;
     (0..ours.class.len())
         .filter(|&at| {
@@ -193,7 +193,7 @@ pub fn fits(world: &World, path: &CameraPath) -> bool {
 
 /// Our pipeline on a path.
 struct PoolFlight {
-    pool: Pool,
+    pool: PoolPipeline,
     run: PoolRun,
 }
 
@@ -203,9 +203,9 @@ impl PoolFlight {
         world: &World,
         config: Config,
         path: &CameraPath,
-        options: &Options,
+        options: &FlightOptions,
     ) -> anyhow::Result<PoolFlight> {
-        let mut pool = Pool::new(gpu, world, config.side())?;
+        let mut pool = PoolPipeline::new(gpu, world, config.side())?;
         let start = path.camera(0)?;
         let here = window(config, world, start.eye());
         pool.load(world, here)?;
@@ -248,7 +248,7 @@ pub fn run(
     path: &CameraPath,
     with_pool: bool,
     mut thesis: Option<&mut Thesis>,
-    options: &Options,
+    options: &FlightOptions,
 ) -> anyhow::Result<Flight> {
     let drawn = options.drawn(path);
     let traced: Vec<_> = spread(drawn.len(), TRACED_FRAMES).map(|k| drawn[k]).collect();

@@ -9,7 +9,7 @@ use super::towns::{Set, Towns};
 use crate::coords::{Bounds, Grid};
 use crate::ingest::bins::{Bins, Budget};
 use crate::ingest::input::Input;
-use crate::ingest::workers::{Clocks, Progress, read_all};
+use crate::ingest::workers::{Clocks, ReadProgress, read_all};
 use crate::load::{self, LoadError};
 use crate::sample;
 use crate::source::placement::PlacementOptions;
@@ -120,7 +120,7 @@ impl Case {
     pub fn open(path: &Path, cell: Option<f64>) -> anyhow::Result<Case> {
         let mut opened = sample::open_all(&[path.to_owned()]);
         let opened = [opened.remove(0)?];
-        let sample = sample::take(&opened, &PlacementOptions::default(), &sample::Budget::default());
+        let sample = sample::take(&opened, &PlacementOptions::default(), &sample::SampleBudget::default());
         let placed = sample.bounds.zip(sample.world.placements[0].clone());
         let (bounds, placement) =
             placed.with_context(|| format!("{}: no point can be drawn", path.display()))?;
@@ -171,7 +171,7 @@ impl Case {
     fn ingest(&self, threads: u32) -> anyhow::Result<[f64; 4]> {
         let budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
         let bins = Bins::new(self.grid()?, load::core(self.cell, &self.bounds), budget);
-        let progress = Progress::default();
+        let progress = ReadProgress::default();
         let start = Instant::now();
         let errors = read_all(&self.input, &bins, threads as usize, &LayerMemory::default(), &progress);
         let finish = Instant::now();

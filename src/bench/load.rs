@@ -13,7 +13,7 @@ use crate::attribute::ClassMask;
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::{Bins, Budget, Meaning};
 use crate::ingest::input::Input;
-use crate::ingest::workers::{Progress, read_all};
+use crate::ingest::workers::{ReadProgress, read_all};
 use crate::load;
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
@@ -141,7 +141,7 @@ fn ours(scene: &mut Scene, case: &Case, threads: usize) -> anyhow::Result<[f64; 
     let begin = Instant::now();
     let budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
     let bins = Bins::new(grid, load::core(case.cell, &case.bounds), budget);
-    let errors = read_all(&case.input, &bins, threads, &LayerMemory::default(), &Progress::default());
+    let errors = read_all(&case.input, &bins, threads, &LayerMemory::default(), &ReadProgress::default());
     if let Some(error) = errors.into_iter().next() {
         return Err(error.into());
     }

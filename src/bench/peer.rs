@@ -215,7 +215,7 @@ pub fn run(
     }
 
     progress("our own picture");
-    let mut pool = Pool::new(gpu, world, side)?;
+    let mut pool = PoolPipeline::new(gpu, world, side)?;
     pool.load(world, window)?;
     let view = frames::view(world, &camera, size, window);
     let picture = pool.picture(&view)?;

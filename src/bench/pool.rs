@@ -20,7 +20,7 @@ pub const AHEAD: u32 = 3;
 pub const BUDGET: u64 = 3 << 30;
 
 /// The pipeline for one window size.
-pub struct Pool {
+pub struct PoolPipeline {
     scene: Scene,
     renderer: Renderer,
     clock: Option<Timestamps>,
@@ -58,24 +58,29 @@ pub fn time(
     timing
 }
 
-impl Pool {
+impl PoolPipeline {
     /// An empty pool for windows of `cells` a side.
-    pub fn new(gpu: &Gpu, world: &World, cells: u32) -> Result<Pool, FrameError> {
+    pub fn new(gpu: &Gpu, world: &World, cells: u32) -> Result<PoolPipeline, FrameError> {
         let budget = gpu.bytes_for_sections(BUDGET);
         // Wherever it lies, with the margin, and what the motion leads to.
         let side = u64::from(cells.div_ceil(1 << SECTION_LOG2)) + 3;
         let count = side * (side + 2 * u64::from(AHEAD));
         let access = Access::best(gpu, count * world.mean_derived_bytes());
-        Pool::with_access(gpu, world, access, budget)
+        PoolPipeline::with_access(gpu, world, access, budget)
     }
 
     /// The same, reached by `access`, of at most `budget` bytes.
-    pub fn with_access(gpu: &Gpu, world: &World, access: Access, budget: u64) -> Result<Pool, FrameError> {
+    pub fn with_access(
+        gpu: &Gpu,
+        world: &World,
+        access: Access,
+        budget: u64,
+    ) -> Result<PoolPipeline, FrameError> {
         let mut scene = Scene::new(gpu, |o: Order| o, access, budget, world.visibility, world.grid)?;
         scene.time();
         let renderer = Renderer::new(&scene, world.grid, world.anchor)?;
         let clock = Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?;
-        Ok(Pool { scene, renderer, clock, wanted: BTreeSet::new() })
+        Ok(PoolPipeline { scene, renderer, clock, wanted: BTreeSet::new() })
     }
 
     /// Packs and copies what `windows` (this frame's, and those it is believed to come to) hold and is not there

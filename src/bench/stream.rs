@@ -51,7 +51,7 @@ const KEEP_WARM_MS: f64 = 10.0;
 const LANES: u32 = 5;
 
 /// What is measured, and with what.
-pub struct Options<'a> {
+pub struct StreamOptions<'a> {
     /// Pixels.
     pub size: [u32; 2],
     /// Frames of a path.
@@ -73,10 +73,10 @@ pub struct Options<'a> {
 }
 
 /// Files, and what draws them. One scene for all runs, emptied before each: drivers compile on first use.
-pub struct Case<'a> {
+pub struct StreamCase<'a> {
     name: String,
     files: Vec<PathBuf>,
-    options: &'a Options<'a>,
+    options: &'a StreamOptions<'a>,
     about: load::About,
     floor: f64,
     points: u64,
@@ -115,7 +115,7 @@ impl Frame {
 
 /// One flight.
 #[derive(Default)]
-struct Flight {
+struct StreamFlight {
     frames: Vec<Frame>,
     /// Times that an upload waited for the device.
     waits: u64,
@@ -123,7 +123,7 @@ struct Flight {
 }
 
 /// What frames come to; at least one.
-fn frames_of(flights: &[Flight], has_clock: bool) -> StreamFrames {
+fn frames_of(flights: &[StreamFlight], has_clock: bool) -> StreamFrames {
     let stat = |of: &dyn Fn(&Frame) -> f64| {
         let all = flights.iter().flat_map(|flight| &flight.frames).map(of);
         Stat::of(all.collect()).expect("a path has a frame")
@@ -141,14 +141,14 @@ fn frames_of(flights: &[Flight], has_clock: bool) -> StreamFrames {
 }
 
 /// Slow frames of one flight.
-fn p95(flight: &Flight) -> f64 {
+fn p95(flight: &StreamFlight) -> f64 {
     let all = flight.frames.iter().map(|frame| frame.frame_ms).collect();
     Stat::of(all).expect("a path has a frame").p95
 }
 
 /// Of the slow frames of one run, streaming over resident; `None` where those of the two resident flights differ by more
 /// than [`MOST_SPREAD`](super::steady::MOST_SPREAD). And by how much they differ.
-fn ratio(streaming: &Flight, resident: &[Flight; 2]) -> (Option<f64>, f64) {
+fn ratio(streaming: &StreamFlight, resident: &[StreamFlight; 2]) -> (Option<f64>, f64) {
     let resident = Repeats { ms: resident.iter().map(p95).collect(), is_cold: false };
     let ratio = resident.median().filter(|_| resident.is_steady()).map(|resident| p95(streaming) / resident);
     (ratio, resident.spread().unwrap_or(f64::INFINITY))
@@ -177,15 +177,15 @@ fn back_and_forth(stage: &Stage, size: DVec2, frames: u32) -> Result<CameraPath,
     Ok(path.named(PathKind::Fast.name()))
 }
 
-impl<'a> Case<'a> {
+impl<'a> StreamCase<'a> {
     /// Looks at `files`, called `name` in reports.
     pub fn open(
         gpu: &Gpu,
         name: impl Into<String>,
         files: Vec<PathBuf>,
-        options: &'a Options<'a>,
+        options: &'a StreamOptions<'a>,
         problems: &mut Problems,
-    ) -> anyhow::Result<Case<'a>> {
+    ) -> anyhow::Result<StreamCase<'a>> {
         let Opening { inputs, grid, about, .. } = load::open(&files, &options.load, problems)?;
         let points = inputs.iter().map(|input| input.input.file.points()).sum();
         let bridge = if options.shade == Shade::Lit { 4 } else { 0 };
@@ -197,7 +197,7 @@ impl<'a> Case<'a> {
         scene.time();
         let middle = about.bounds.center().z;
         let anchor = grid.height(middle).context("heights are beyond what can be drawn")?;
-        Ok(Case {
+        Ok(StreamCase {
             name: name.into(),
             files,
             options,
@@ -328,7 +328,7 @@ impl<'a> Case<'a> {
     }
 
     /// A frame for each of `cameras`, one after the other.
-    fn flight(&mut self, live: &mut Live, cameras: &[Camera]) -> anyhow::Result<Flight> {
+    fn flight(&mut self, live: &mut Live, cameras: &[Camera]) -> anyhow::Result<StreamFlight> {
         let before = self.scene.counters().waits;
         let bar =
             load::bar(cameras.len() as u64, self.options.quiet, "{wide_bar} frame {pos} of {len} {eta}");
@@ -342,7 +342,7 @@ impl<'a> Case<'a> {
         let frames = frames?;
         self.errors.extend(live.take_errors());
         let waits = self.scene.counters().waits - before;
-        Ok(Flight { frames, waits, bytes_read: live.status(&self.scene).progress.bytes_read })
+        Ok(StreamFlight { frames, waits, bytes_read: live.status(&self.scene).progress.bytes_read })
     }
 
     /// Fetches what `camera` wants.
@@ -395,7 +395,7 @@ impl<'a> Case<'a> {
         cameras: &[Camera],
         at: &str,
         progress: &mut dyn FnMut(&str),
-    ) -> anyhow::Result<(Flight, [Flight; 2])> {
+    ) -> anyhow::Result<(StreamFlight, [StreamFlight; 2])> {
         progress(&format!("{at}: streaming"));
         let mut live = self.start()?;
         let streaming = self.flight(&mut live, cameras)?;
@@ -434,7 +434,7 @@ impl<'a> Case<'a> {
                 Err(error) => return Err(error),
             }
         }
-        let all = |flights: &[Flight], of: &dyn Fn(&Frame) -> bool| {
+        let all = |flights: &[StreamFlight], of: &dyn Fn(&Frame) -> bool| {
             flights.iter().flat_map(|flight| &flight.frames).filter(|frame| of(frame)).count() as u64
         };
         let has_clock = self.clock.is_some();
@@ -487,12 +487,15 @@ mod tests {
     fn flights_add_up() {
         let frame =
             |ms: f64, ready| Frame { frame_ms: ms, ready, wanted: 4, coarser: 1.0, ..Frame::default() };
-        let a = Flight { frames: (1..=21).map(|n| frame(f64::from(n), 4)).collect(), ..Flight::default() };
+        let a = StreamFlight {
+            frames: (1..=21).map(|n| frame(f64::from(n), 4)).collect(),
+            ..StreamFlight::default()
+        };
         assert_eq!(p95(&a), 20.0);
-        let flight = |ms| Flight { frames: vec![frame(ms, 4)], ..Flight::default() };
+        let flight = |ms| StreamFlight { frames: vec![frame(ms, 4)], ..StreamFlight::default() };
         assert_eq!(ratio(&a, &[flight(10.0), flight(10.0)]), (Some(2.0), 0.0));
         assert_eq!(ratio(&a, &[flight(10.0), flight(12.5)]), (None, 0.25));
-        let b = Flight { frames: vec![frame(50.0, 1)], ..Flight::default() };
+        let b = StreamFlight { frames: vec![frame(50.0, 1)], ..StreamFlight::default() };
         let both = frames_of(&[a, b], false);
         assert_eq!((both.frame_ms.samples.len(), both.frame_ms.max), (22, 50.0));
         assert_eq!(both.trace_ms, None);

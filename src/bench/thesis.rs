@@ -170,7 +170,7 @@ pub struct Thesis {
 }
 
 /// What a pixel shows, for comparisons.
-pub struct Picture {
+pub struct ThesisImage {
     /// t of the hit as float bits; [`u32::MAX`] in the second word: a miss.
     pub hits: Vec<[u32; 4]>,
     /// Linear.
@@ -432,7 +432,7 @@ impl Thesis {
     }
 
     /// The picture of the camera section that was copied last.
-    pub fn picture(&mut self, view: &View, world: &World) -> Result<Picture, FrameError> {
+    pub fn picture(&mut self, view: &View, world: &World) -> Result<ThesisImage, FrameError> {
         let image = self.image.clone();
         let (mut commands, constants) = self.begin(view, world, &image)?;
         self.dispatch(&mut commands, &self.kernel.records, FramePush::whole(&constants), self.size[1])?;
@@ -441,7 +441,7 @@ impl Thesis {
         self.order.readback(&mut commands, &copies);
         let point = self.order.submit(commands)?;
         let pixels = self.size[0] as usize * self.size[1] as usize;
-        let mut picture = Picture { hits: vec![[0; 4]; pixels], colors: vec![[0.0; 4]; pixels] };
+        let mut picture = ThesisImage { hits: vec![[0; 4]; pixels], colors: vec![[0.0; 4]; pixels] };
         self.order.read(point, &self.hits_back, 0, bytemuck::cast_slice_mut(&mut picture.hits))?;
         self.order.read(point, &self.image_back, 0, bytemuck::cast_slice_mut(&mut picture.colors))?;
         Ok(picture)

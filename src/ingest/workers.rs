@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 /// How far the reading is; shared with whoever shows it.
 #[derive(Debug, Default)]
-pub struct Progress {
+pub struct ReadProgress {
     /// Points binned.
     pub points: AtomicU64,
     /// Set it to stop early.
@@ -59,7 +59,7 @@ pub fn read_all(
     bins: &Bins,
     threads: usize,
     layers: &LayerMemory,
-    progress: &Progress,
+    progress: &ReadProgress,
 ) -> Vec<SourceError> {
     struct Job<'a> {
         input: usize,

@@ -2,7 +2,7 @@
 
 /// How much is read.
 #[derive(Clone, Copy, Debug)]
-pub struct Budget {
+pub struct SampleBudget {
     /// A set of this many points is read whole.
     pub whole: u64,
     /// Places at which whole chunks are read.
@@ -17,9 +17,9 @@ pub struct Budget {
     pub heads: u64,
 }
 
-impl Default for Budget {
-    fn default() -> Budget {
-        Budget {
+impl Default for SampleBudget {
+    fn default() -> SampleBudget {
+        SampleBudget {
             whole: 250_000,
             places: 4,
             place_points: 50_000,

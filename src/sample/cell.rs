@@ -34,7 +34,7 @@ pub struct CellChoice {
 
 /// Points of one place, complete for one pass over it.
 #[derive(Clone, Debug, Default)]
-pub struct Patch {
+pub struct GroundPatch {
     /// E, N; no two alike.
     pub points: Vec<[f64; 2]>,
     /// How many such passes (overlapping flight lines, other parts of the file) cover the ground on
@@ -44,7 +44,7 @@ pub struct Patch {
 
 /// Chooses from what `patches` show; `finest` (the step of the coordinates) is a lower bound. Without an
 /// extent to go by (no point, one point) the cell is 1 unit and the density 0.
-pub fn choose(patches: &[Patch], finest: f64) -> CellChoice {
+pub fn choose(patches: &[GroundPatch], finest: f64) -> CellChoice {
     let none = CellChoice { cell: 1.0, density: 0.0, coverage: 1.0 };
     // One point a cell if the bounds were filled evenly: a place to start from.
     let spacing = patches.iter().filter_map(|patch| {
@@ -105,7 +105,7 @@ struct Tally {
 }
 
 impl Tally {
-    fn of(patches: &[Patch], cell: f64) -> Tally {
+    fn of(patches: &[GroundPatch], cell: f64) -> Tally {
         let mut tally = Tally::default();
         for patch in patches {
             let coverage = Coverage::of(&patch.points, cell);
@@ -274,8 +274,8 @@ mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
 
-    fn whole(points: Vec<[f64; 2]>) -> Vec<Patch> {
-        vec![Patch { points, passes: 1.0 }]
+    fn whole(points: Vec<[f64; 2]>) -> Vec<GroundPatch> {
+        vec![GroundPatch { points, passes: 1.0 }]
     }
 
     fn random(count: usize, side: f64, seed: u64) -> Vec<[f64; 2]> {
@@ -353,7 +353,7 @@ mod tests {
     #[test]
     fn passes_make_up_for_what_a_patch_lacks() {
         // One of four passes over the same ground; its own points would ask for cells of 1.
-        let patch = Patch { points: random(80_000, 200.0, 1), passes: 4.0 };
+        let patch = GroundPatch { points: random(80_000, 200.0, 1), passes: 4.0 };
         let all = choose(&whole(random(320_000, 200.0, 2)), 0.001);
         let choice = choose(&[patch], 0.001);
         assert_eq!((choice.cell, all.cell), (0.5, 0.5));

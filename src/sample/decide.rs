@@ -1,6 +1,6 @@
 //! Takes the opening sample and decides.
 
-use super::budget::Budget;
+use super::budget::SampleBudget;
 use super::cell::{self, CellChoice};
 use super::facts::{facts, header_bounds, in_nodes};
 use super::frame::{self, FrameNote};
@@ -68,7 +68,7 @@ pub struct Sample {
 }
 
 /// Takes the opening sample of `files` (sorted by path) and decides.
-pub fn take(files: &[Opened], options: &PlacementOptions, budget: &Budget) -> Sample {
+pub fn take(files: &[Opened], options: &PlacementOptions, budget: &SampleBudget) -> Sample {
     let mut problems = Vec::new();
     let firsts = read_firsts(files, budget, &mut problems);
     let world = World::of(&facts(files, &firsts), options);

@@ -1,7 +1,7 @@
 //! The ground at the sampled places: what the cell size is chosen from.
 
-use super::budget::Budget;
-use super::cell::{self, Patch};
+use super::budget::SampleBudget;
+use super::cell::{self, GroundPatch};
 use super::frame;
 use super::open::Opened;
 use super::parallel::parallel;
@@ -17,13 +17,13 @@ use std::collections::HashSet;
 /// of a set that is not read whole is one pass over its ground; how many there are follows from the ground
 /// that all points would cover at the places' density, and the ground that there is. Where there are
 /// several, their points may be thinned against each other, so chunks of the other passes are read too.
-pub(super) fn patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> Vec<Patch> {
-    let mut patches: Vec<Patch> = Vec::new();
+pub(super) fn patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> Vec<GroundPatch> {
+    let mut patches: Vec<GroundPatch> = Vec::new();
     let mut known = HashSet::new();
     for (at, seen) in places.iter().zip(seen) {
         if !ground.whole || patches.is_empty() {
             known.clear();
-            patches.push(Patch { points: Vec::new(), passes: 1.0 });
+            patches.push(GroundPatch { points: Vec::new(), passes: 1.0 });
         }
         let patch = patches.last_mut().expect("pushed above");
         for seen in seen.iter().filter(|seen| (ground.shown)(seen)) {
@@ -116,12 +116,12 @@ pub(super) fn patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> 
     let windows = windows.into_iter().zip(&runs).map(|(Window { points, .. }, &run)| {
         // Where the middle of a pass is a void, the pass itself has to do.
         if points.len() < patches[run].points.len() / 8 {
-            return Patch { points: patches[run].points.clone(), passes };
+            return GroundPatch { points: patches[run].points.clone(), passes };
         }
         let here = points.len() as f64 / cell::footprint_area(&points, spacing);
-        Patch { points, passes: (density / here).clamp(1.0, passes) }
+        GroundPatch { points, passes: (density / here).clamp(1.0, passes) }
     });
-    let windows: Vec<Patch> = windows.collect();
+    let windows: Vec<GroundPatch> = windows.collect();
     for (run, window) in runs.into_iter().zip(windows) {
         patches[run] = window;
     }
@@ -192,7 +192,7 @@ fn distance_to_box(point: DVec2, bounds: Bounds) -> f64 {
 /// What [`patches`] must know.
 pub(super) struct Ground<'a> {
     pub files: &'a [Opened],
-    pub budget: &'a Budget,
+    pub budget: &'a SampleBudget,
     /// Files that are drawn.
     pub drawn: &'a [usize],
     /// First points of chunks, a file.

@@ -23,8 +23,8 @@ mod rgb;
 mod seen;
 mod summary;
 
-pub use budget::Budget;
-pub use cell::{CellChoice, Patch, choose as choose_cell};
+pub use budget::SampleBudget;
+pub use cell::{CellChoice, GroundPatch, choose as choose_cell};
 pub use decide::{FileSample, Sample, take};
 pub use frame::FrameNote;
 pub use open::{Opened, open_all};

@@ -1,6 +1,6 @@
 //! Where a set is read: everywhere, or at a few places.
 
-use super::budget::Budget;
+use super::budget::SampleBudget;
 use super::open::Opened;
 use crate::source::{Chunk, Copc, LidarFile, VoxelKey};
 use std::collections::HashMap;
@@ -23,7 +23,12 @@ pub(super) fn every_place(files: &[Opened], drawn: &[usize]) -> Vec<Place> {
 }
 
 /// `budget.places` places at even distances in the order of points.
-pub(super) fn chosen_places(files: &[Opened], drawn: &[usize], points: u64, budget: &Budget) -> Vec<Place> {
+pub(super) fn chosen_places(
+    files: &[Opened],
+    drawn: &[usize],
+    points: u64,
+    budget: &SampleBudget,
+) -> Vec<Place> {
     let mut places: Vec<Place> = Vec::new();
     for (index, at) in even_chunks(files, drawn, points, budget.places) {
         let file = &files[index].file;
@@ -40,7 +45,7 @@ pub(super) fn chosen_places(files: &[Opened], drawn: &[usize], points: u64, budg
 }
 
 /// The heads of `budget.heads` chunks at even distances in the order of points.
-pub(super) fn heads(files: &[Opened], drawn: &[usize], points: u64, budget: &Budget) -> Vec<Place> {
+pub(super) fn heads(files: &[Opened], drawn: &[usize], points: u64, budget: &SampleBudget) -> Vec<Place> {
     let mut chunks = even_chunks(files, drawn, points, budget.heads);
     chunks.dedup();
     let head = |(file, chunk)| Place { file, chunks: vec![(chunk, HEAD_POINTS)], window: None };
@@ -85,7 +90,7 @@ fn run_at(file: usize, chunks: &[Chunk], at: usize, wanted: u64) -> Place {
 
 /// All nodes over one small window: a node holds one level of its region, so the node `at` is followed
 /// down to a leaf, and the window is widened to the leaf's ancestors until it holds enough points.
-fn window_at(file: usize, lidar: &LidarFile, copc: &Copc, at: usize, budget: &Budget) -> Place {
+fn window_at(file: usize, lidar: &LidarFile, copc: &Copc, at: usize, budget: &SampleBudget) -> Place {
     let records: HashMap<VoxelKey, usize> =
         copc.nodes.iter().enumerate().map(|(index, &key)| (key, index)).collect();
     let count = |key: &VoxelKey| records.get(key).map_or(0, |&index| lidar.chunks[index].records);

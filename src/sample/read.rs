@@ -1,6 +1,6 @@
 //! Reads the sample: first points of chunks, and the points of places.
 
-use super::budget::Budget;
+use super::budget::SampleBudget;
 use super::open::Opened;
 use super::parallel::parallel;
 use super::places::Place;
@@ -15,7 +15,7 @@ const RGB_FILES: usize = 512;
 /// The first points of chunks of every file: where it lies, and a thin sample over all of it.
 pub(super) fn read_firsts(
     files: &[Opened],
-    budget: &Budget,
+    budget: &SampleBudget,
     problems: &mut Vec<(usize, SourceError)>,
 ) -> Vec<Vec<Seen>> {
     let most = (budget.first_points / files.len().max(1)).max(1);

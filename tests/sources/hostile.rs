@@ -3,7 +3,7 @@
 use lasray::coords::{Grid, HEIGHT_STEP};
 use lasray::ingest::bins::{Bins, Budget};
 use lasray::ingest::input::Input;
-use lasray::ingest::workers::{Progress, read_all};
+use lasray::ingest::workers::{ReadProgress, read_all};
 use lasray::sample::{self, RgbDepth};
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::source::{Decoder, LayerMemory, LidarFile};
@@ -92,7 +92,7 @@ fn read(file: LidarFile) -> (u64, Vec<String>) {
     let grid = Grid { base_cell: 1.0, coarsen: 0, anchor: [0, 0], height_step: HEIGHT_STEP };
     let everywhere = [i64::MIN / 2..i64::MAX / 2, i64::MIN / 2..i64::MAX / 2];
     let bins = Bins::new(grid, everywhere, Budget { host_bytes: 1 << 30, device_bytes: 1 << 30 });
-    let progress = Progress::default();
+    let progress = ReadProgress::default();
     let inputs = [Input { file, placement: Placement::default(), rgb: RgbDepth::None }];
     let errors = read_all(&inputs, &bins, 2, &LayerMemory::default(), &progress);
     (progress.points.into_inner(), errors.iter().map(ToString::to_string).collect())
@@ -137,7 +137,7 @@ fn a_file_that_vanishes_or_changes_is_named_once() {
     let opened = sample::open_all(std::slice::from_ref(&path));
     std::fs::remove_file(&path).unwrap();
     let opened: Vec<_> = opened.into_iter().map(Result::unwrap).collect();
-    let sample = sample::take(&opened, &PlacementOptions::default(), &sample::Budget::default());
+    let sample = sample::take(&opened, &PlacementOptions::default(), &sample::SampleBudget::default());
     assert!(sample.problems.iter().any(|(_, e)| e.to_string().contains("gone.laz")), "{:?}", sample.problems);
 }
 

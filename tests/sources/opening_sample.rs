@@ -3,7 +3,7 @@
 use crate::made::{Made, Packing};
 use crate::scene::real_files as data;
 use lasray::attribute::ColorMode;
-use lasray::sample::{self, Budget, CellChoice, Opened, Patch, RgbDepth, Sample};
+use lasray::sample::{self, CellChoice, GroundPatch, Opened, RgbDepth, Sample, SampleBudget};
 use lasray::source::inputs;
 use lasray::source::placement::PlacementOptions;
 use lasray::source::{Decoder, LidarFile};
@@ -16,7 +16,7 @@ fn open(paths: &[PathBuf]) -> Vec<Opened> {
 
 /// The choice from every shown point of the files that `sample` draws.
 fn full_choice(files: &[Opened], sample: &Sample) -> CellChoice {
-    let mut patch = Patch { points: Vec::new(), passes: 1.0 };
+    let mut patch = GroundPatch { points: Vec::new(), passes: 1.0 };
     let mut known = HashSet::new();
     let mut finest = f64::INFINITY;
     for (Opened { file, .. }, placement) in files.iter().zip(&sample.world.placements) {
@@ -65,7 +65,7 @@ fn sets(data: &Path) -> Vec<(String, Vec<PathBuf>)> {
 #[test]
 fn the_sampled_cell_size_is_that_of_every_point() {
     let Some(data) = data() else { return };
-    let small = Budget { whole: 5_000, places: 1, ..Budget::default() };
+    let small = SampleBudget { whole: 5_000, places: 1, ..SampleBudget::default() };
     let mut differing = [(0, 0); 2];
     for (name, paths) in sets(&data) {
         let files = open(&paths);
@@ -74,7 +74,7 @@ fn the_sampled_cell_size_is_that_of_every_point() {
             continue;
         }
         let start = std::time::Instant::now();
-        let usual = sample::take(&files, &PlacementOptions::default(), &Budget::default());
+        let usual = sample::take(&files, &PlacementOptions::default(), &SampleBudget::default());
         let time = start.elapsed();
         let full = full_choice(&files, &usual);
         let thin = sample::take(&files, &PlacementOptions::default(), &small);
@@ -108,7 +108,7 @@ fn the_sampled_cell_size_is_that_of_every_point() {
 
 fn sample_of(data: &Path, name: &str) -> (Vec<Opened>, Sample) {
     let files = open(&inputs::expand([data.join(name)]).files);
-    let sample = sample::take(&files, &PlacementOptions::default(), &Budget::default());
+    let sample = sample::take(&files, &PlacementOptions::default(), &SampleBudget::default());
     (files, sample)
 }
 
@@ -146,7 +146,7 @@ fn frames_of_real_files() {
     let Some(data) = data() else { return };
     for (name, paths) in sets(&data) {
         let files = open(&paths);
-        let sample = sample::take(&files, &PlacementOptions::default(), &Budget::default());
+        let sample = sample::take(&files, &PlacementOptions::default(), &SampleBudget::default());
         let Some(bounds) = sample.bounds else { continue };
         let (mut inside, mut shown) = (0, 0);
         for (Opened { file, .. }, placement) in files.iter().zip(&sample.world.placements) {
@@ -220,7 +220,7 @@ fn the_order_of_the_inputs_changes_nothing() {
     let real = |paths: &[PathBuf]| paths.iter().map(|p| p.canonicalize().unwrap()).collect::<Vec<_>>();
     assert_eq!(real(&forth), real(&back));
     let take = |files: &[PathBuf]| {
-        let sample = sample::take(&open(files), &PlacementOptions::default(), &Budget::default());
+        let sample = sample::take(&open(files), &PlacementOptions::default(), &SampleBudget::default());
         format!("{:?}", sample)
     };
     assert_eq!(take(&forth), take(&forth));
@@ -238,7 +238,7 @@ fn points(raw: &[[i32; 3]], packing: Packing, scale: [f64; 3], offset: [f64; 3])
     made
 }
 
-fn sample_made(files: &[Made], budget: &Budget) -> Sample {
+fn sample_made(files: &[Made], budget: &SampleBudget) -> Sample {
     let folder = tempfile::tempdir().unwrap();
     let paths: Vec<PathBuf> = (0..files.len()).map(|k| folder.path().join(format!("{k}.laz"))).collect();
     for (path, made) in paths.iter().zip(files) {
@@ -265,7 +265,7 @@ fn strewn(mut among: Vec<[i32; 3]>, every: usize, point: [i32; 3]) -> Vec<[i32; 
 
 #[test]
 fn points_without_a_position_are_not_framed() {
-    let budgets = [Budget::default(), Budget { whole: 1_000, ..Budget::default() }];
+    let budgets = [SampleBudget::default(), SampleBudget { whole: 1_000, ..SampleBudget::default() }];
     for (budget, every) in budgets.iter().flat_map(|budget| [3, 20, 2_000].map(|every| (budget, every))) {
         for packing in [Packing::Fixed(50_000), Packing::Fixed(500)] {
             let town = strewn(square(120, [2000, 24_000]), every, [0; 3]);
@@ -295,7 +295,7 @@ fn places_far_apart_are_framed_and_said_to_be() {
     let both: Vec<_> = here.iter().chain(&there).copied().collect();
     let of = |raw: &[[i32; 3]]| points(raw, Packing::Fixed(5_000), CENTIMETRES, [0.0; 3]);
     for files in [vec![of(&both)], vec![of(&here), of(&there)]] {
-        let sample = sample_made(&files, &Budget::default());
+        let sample = sample_made(&files, &SampleBudget::default());
         assert_eq!(sample.bounds.unwrap().size().x, 185_059.0);
         let [note] = &sample.notes[..] else { panic!("{:?}", sample.notes) };
         assert!(!note.is_warning());
@@ -304,7 +304,7 @@ fn places_far_apart_are_framed_and_said_to_be() {
             "the data lies at places 184901 units apart: with all of it framed, each is small"
         );
     }
-    let sample = sample_made(&[of(&here)], &Budget::default());
+    let sample = sample_made(&[of(&here)], &SampleBudget::default());
     assert!(sample.notes.is_empty(), "{:?}", sample.notes);
 }
 
@@ -320,7 +320,7 @@ fn one_wrong_first_point_does_not_move_the_middle_of_a_file() {
         raw[0] = first;
         let mut made = points(&raw, packing, [1e-7, 1e-7, 0.01], [10.0, 60.0, 0.0]);
         made.vlrs.push(("LASF_Projection", 34735, keys.clone()));
-        sample_made(&[made], &Budget::default())
+        sample_made(&[made], &SampleBudget::default())
     };
     for packing in [Packing::Fixed(50_000), Packing::Fixed(2_500), Packing::Fixed(300)] {
         let sound = file(town[0], packing.clone());

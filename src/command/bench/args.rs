@@ -81,7 +81,7 @@ pub struct Args {
         help_heading = "Streaming",
         value_name = "KIND,…"
     )]
-    pub(super) format: Vec<Kind>,
+    pub(super) format: Vec<TownKind>,
     /// Bytes of device memory for sections, at most 7/8 of what is free there
     #[arg(long, default_value = "1GiB", value_parser = bytes, requires = "stream", help_heading = "Streaming", value_name = "BYTES")]
     pub(super) device_memory: u64,
@@ -153,18 +153,18 @@ the pixels; 2 wrong arguments.
 
 /// Files of a synthetic town.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum Kind {
+pub(super) enum TownKind {
     /// Records as they are.
     Las,
     /// Compressed.
     Laz,
 }
 
-impl Kind {
+impl TownKind {
     pub(super) fn name(self) -> &'static str {
         match self {
-            Kind::Las => "las",
-            Kind::Laz => "laz",
+            TownKind::Las => "las",
+            TownKind::Laz => "laz",
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::harness::{Harness, STOP};
 use super::rows::{pool_row, thesis_row};
 use crate::bench;
-use crate::bench::frames::{self, Options};
+use crate::bench::frames::{self, FlightOptions};
 use crate::bench::report::{Pipeline, Row, Skipped};
 use crate::bench::thesis::{Config, Thesis};
 use crate::bench::world::World;
@@ -68,7 +68,7 @@ impl Harness<'_> {
         let name = path.name().unwrap_or("path");
         let frames = args.frames.unwrap_or(path.frames()).min(path.frames());
         let options =
-            Options { size: self.size, frames, rounds: frames::ROUNDS, quiet: args.quiet, stop: &STOP };
+            FlightOptions { size: self.size, frames, rounds: frames::ROUNDS, quiet: args.quiet, stop: &STOP };
         let rays = u64::from(self.size[0]) * u64::from(self.size[1]);
         let strip = thesis.as_ref().map(Thesis::strip);
         let flight = frames::run(self.gpu, world, config, path, *pool_fits, thesis.as_mut(), &options)?;

@@ -3,7 +3,7 @@
 use super::harness::{Harness, STOP};
 use super::reading::{INGEST_POINTS, LOAD_RUNS};
 use super::rows::trace_ms;
-use crate::bench::frames::{self, Options};
+use crate::bench::frames::{self, FlightOptions};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::report::{Pipeline, ScalingRow, Stat};
 use crate::bench::thesis::Config;
@@ -28,7 +28,7 @@ impl Harness<'_> {
         let kinds = if args.paths.is_empty() { &SCALING_PATHS[..] } else { &args.paths };
         let frames = args.frames.unwrap_or(SCALING_FRAMES);
         let frames = frames.div_ceil(SCALING_ROUNDS);
-        let options = Options { size: self.size, frames, rounds: 1, quiet: args.quiet, stop: &STOP };
+        let options = FlightOptions { size: self.size, frames, rounds: 1, quiet: args.quiet, stop: &STOP };
         let mut sides = Vec::new();
         for (config, cell) in [(coarse, 2.0 * args.cell), (fine, args.cell)] {
             let (world, _) = self.world(cell, 2.0 * args.cell)?;

@@ -1,6 +1,6 @@
 //! Frames while files stream in, beside the same frames with everything there.
 
-use super::args::Kind;
+use super::args::TownKind;
 use super::harness::{Harness, STOP};
 use crate::bench::stream;
 use crate::bench::towns::Set;
@@ -21,7 +21,7 @@ impl Harness<'_> {
     /// Frames while files stream in, and with everything there.
     pub(super) fn stream(&mut self, files: Vec<CameraPath>) -> anyhow::Result<()> {
         let args = self.args;
-        let options = stream::Options {
+        let options = stream::StreamOptions {
             size: self.size,
             frames: args.frames.unwrap_or(STREAM_FRAMES),
             runs: args.runs,
@@ -41,10 +41,10 @@ impl Harness<'_> {
         match &args.inputs[..] {
             [] => {
                 let points = args.points.unwrap_or(STREAM_POINTS);
-                let set = |kind: &Kind| Set {
+                let set = |kind: &TownKind| Set {
                     name: "town",
                     format: synth::Format::Seven,
-                    compress: *kind == Kind::Laz,
+                    compress: *kind == TownKind::Laz,
                     is_tiled: true,
                     seed: args.seed,
                     points,
@@ -59,7 +59,7 @@ impl Harness<'_> {
             }
         }
         for (name, inputs) in data {
-            let case = stream::Case::open(self.gpu, name, inputs, &options, self.problems);
+            let case = stream::StreamCase::open(self.gpu, name, inputs, &options, self.problems);
             let _ = self.problems.finish(!args.quiet, &mut std::io::stderr().lock());
             let mut case = case.map_err(|error| match error.downcast() {
                 Ok(error) => usage_of_load(error),

@@ -1,19 +1,19 @@
 //! Gathers the report: opens the files, takes the opening sample, scans them where that is asked for.
 
 use super::args::Args;
-use super::report::{FileReport, Report, Total};
+use super::report::{FileReport, InfoReport, Total};
 use super::scan::{self, Scan};
 use crate::attribute::ColorMode;
 use crate::coords::{Bounds, height_step};
 use crate::problems::Problems;
-use crate::sample::{self, Budget, FrameNote, Opened, RgbDepth, Sample};
+use crate::sample::{self, FrameNote, Opened, RgbDepth, Sample, SampleBudget};
 use crate::source::crs::{Crs, CrsKind};
 use crate::source::inputs::Inputs;
 use crate::source::placement::{Placement, PlacementNote};
 use crate::text::harmless;
 
 /// What is missing, in whole or in part, goes to `problems`, too.
-pub(super) fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Report {
+pub(super) fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> InfoReport {
     problems.look_at(found);
     let mut failed: Vec<String> = found.failed.iter().map(|error| harmless(&error.to_string())).collect();
     let mut files = Vec::new();
@@ -27,7 +27,7 @@ pub(super) fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Re
         }
     }
     let options = args.placement.options();
-    let sample = sample::take(&files, &options, &Budget::default());
+    let sample = sample::take(&files, &options, &SampleBudget::default());
     let scans = if args.scan { scan::every_file(&files, args.quiet) } else { Vec::new() };
     let mut scans = scans.into_iter();
 
@@ -59,7 +59,7 @@ pub(super) fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> Re
         }
     }
     let all = total(&sample, &reports);
-    Report { files: reports, failed, all }
+    InfoReport { files: reports, failed, all }
 }
 
 fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
@@ -183,7 +183,7 @@ mod tests {
         args: Args,
     }
 
-    fn report(words: &[&Path], options: &[&str]) -> Report {
+    fn report(words: &[&Path], options: &[&str]) -> InfoReport {
         let words = words.iter().map(|path| path.to_str().unwrap()).chain(options.iter().copied());
         let args = Cli::parse_from(["info", "--quiet"].into_iter().chain(words)).args;
         gather(&args, &inputs::expand(&args.inputs), &mut Problems::default())

@@ -7,7 +7,7 @@ use serde::Serialize;
 
 /// Everything that is printed.
 #[derive(Debug, Serialize)]
-pub(super) struct Report {
+pub(super) struct InfoReport {
     pub files: Vec<FileReport>,
     /// Inputs that could not be used, and why.
     pub failed: Vec<String>,

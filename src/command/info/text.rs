@@ -1,7 +1,7 @@
 //! The report as a page of text.
 
 use super::ranges::{Box3, Range};
-use super::report::{CrsReport, FileReport, Report, Total};
+use super::report::{CrsReport, FileReport, InfoReport, Total};
 use super::scan::Scan;
 use crate::attribute::class_name;
 use crate::source::crs::{CrsKind, Unit};
@@ -13,7 +13,7 @@ const BLOCKS: usize = 3;
 const NAMES: usize = 11;
 
 /// The whole page.
-pub fn page(report: &Report) -> String {
+pub fn page(report: &InfoReport) -> String {
     let (mut page, files, all) = (String::new(), &report.files, &report.all);
     if files.len() > BLOCKS {
         table(&mut page, files);
