@@ -1,7 +1,7 @@
 //! A peer on the CPU: the same columns, and a mesh through their tops, traced by Intel Embree.
 
 use super::frames;
-use super::pool::Pool;
+use super::pool::PoolPipeline;
 use super::report::{PeerRow, Stat};
 use super::world::World;
 use crate::gpu::Gpu;
