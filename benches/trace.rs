@@ -13,7 +13,7 @@ use lasray::bench::report::COMMIT;
 use lasray::bench::steady::{self, Repeats, WarmUp};
 use lasray::bench::thesis::{Config, Kernel, STRIPS, Thesis, ThesisImage};
 use lasray::bench::world::{self, TOWN_POINTS, World};
-use lasray::gpu::{DeviceKind, Gpu, GpuOptions, QueueKind, Recipe, Timestamps};
+use lasray::gpu::{DeviceKind, Gpu, GpuOptions, PipelineDesc, QueueKind, Timestamps};
 use lasray::ingest::bins::Budget;
 use lasray::load::LoadOptions;
 use lasray::problems::Problems;
@@ -105,7 +105,7 @@ struct Variant {
 }
 
 impl Variant {
-    fn recipes(&self) -> Vec<Recipe> {
+    fn recipes(&self) -> Vec<PipelineDesc> {
         match self.way {
             Way::Thesis(strip) => vec![Kernel::recipe(strip)],
             Way::Pool { access, traversal, shade, options } => options.recipes(access, traversal, shade),
@@ -759,7 +759,7 @@ fn compiled(gpu: &Gpu, variants: &[Variant]) -> anyhow::Result<Vec<Value>> {
     if !gpu.has_statistics() {
         return Ok(Vec::new());
     }
-    let mut recipes: Vec<(String, Recipe)> = Vec::new();
+    let mut recipes: Vec<(String, PipelineDesc)> = Vec::new();
     #[cfg(feature = "view")]
     let derived = lasray::resident::derived_recipes(Access::Address, true)[0].clone();
     #[cfg(not(feature = "view"))]
@@ -769,7 +769,7 @@ fn compiled(gpu: &Gpu, variants: &[Variant]) -> anyhow::Result<Vec<Value>> {
         .filter(|variant| variant.group_size() <= gpu.limits().workgroup_size)
         .flat_map(|variant| variant.recipes().into_iter().map(|recipe| (variant.name.clone(), recipe)));
     for (name, recipe) in passes.chain(derived.into_iter().map(|recipe| ("derived".to_owned(), recipe))) {
-        let same = |(_, known): &(String, Recipe)| {
+        let same = |(_, known): &(String, PipelineDesc)| {
             (known.name, known.words.as_ptr(), &known.constants)
                 == (recipe.name, recipe.words.as_ptr(), &recipe.constants)
         };

@@ -6,8 +6,8 @@ use super::steady::{Timing, WarmUp};
 use super::times::{FrameTimes, ms};
 use super::world::World;
 use crate::gpu::{
-    BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order, QueueKind,
-    Recipe, SyncPoint, Timestamps, shaders,
+    BindingKind, Buffer, BufferCopy, Commands, ComputePipeline, Gpu, GpuError, MemoryKind, Order,
+    PipelineDesc, QueueKind, SyncPoint, Timestamps, shaders,
 };
 use crate::render::frame::{
     FrameConstants, FrameError, FramePush, LOG_WORDS, PassRepeats, View, ViewRays, halves,
@@ -133,12 +133,12 @@ impl Kernel {
     }
 
     /// The program that is timed.
-    pub fn recipe(group: [u32; 2]) -> Recipe {
+    pub fn recipe(group: [u32; 2]) -> PipelineDesc {
         Kernel::recipe_of(group, shaders::THESIS, true)
     }
 
-    fn recipe_of(group: [u32; 2], words: &'static [u32], screen: bool) -> Recipe {
-        Recipe {
+    fn recipe_of(group: [u32; 2], words: &'static [u32], screen: bool) -> PipelineDesc {
+        PipelineDesc {
             name: "thesis",
             words,
             constants: vec![(0, group[0]), (1, group[1]), (2, u32::from(screen))],

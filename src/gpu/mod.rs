@@ -55,9 +55,9 @@ pub use kinds::{BindingKind, MemoryKind, QueueKind};
 pub use memory::{Buffer, stream_words};
 pub use order::Order;
 #[cfg(feature = "view")]
-pub use overlay::{Corner, Drawing, Overlay, Picture, Texture};
+pub use overlay::{Corner, Drawing, Overlay, Texture, TracedImage};
 pub use physical::{DeviceInfo, DeviceKind, Limits, list_devices};
-pub use pipeline::{ComputePipeline, Executable, Recipe};
+pub use pipeline::{ComputePipeline, Executable, PipelineDesc};
 pub use ring::UploadRing;
 #[cfg(feature = "view")]
 pub use surface::Window;

@@ -19,7 +19,7 @@ pub struct ComputePipeline(pub(super) Arc<Inner>);
 
 /// What a pipeline is compiled from: see [`ComputePipeline::new`].
 #[derive(Clone, Debug)]
-pub struct Recipe {
+pub struct PipelineDesc {
     /// For messages.
     pub name: &'static str,
     /// SPIR-V.
@@ -32,10 +32,10 @@ pub struct Recipe {
     pub bindings: &'static [BindingKind],
 }
 
-impl Recipe {
+impl PipelineDesc {
     /// Compiles the pipeline, unless it is there: on any thread.
     pub fn make(&self, gpu: &Gpu) -> Result<ComputePipeline> {
-        let Recipe { name, words, constants, push_bytes, bindings } = self;
+        let PipelineDesc { name, words, constants, push_bytes, bindings } = self;
         ComputePipeline::new(gpu, name, words, constants, *push_bytes, bindings)
     }
 }

@@ -3,8 +3,8 @@
 
 use super::frame::{Band, FrameError, HitRecord, Renderer, View, ViewRays, derive_colors, halves, sample_at};
 use crate::gpu::{
-    Buffer, BufferCopy, Commands, ComputePipeline, GpuError, MemoryKind, Picture, QueueKind, Recipe,
-    SyncPoint, Timestamps, shaders,
+    Buffer, BufferCopy, Commands, ComputePipeline, GpuError, MemoryKind, PipelineDesc, QueueKind, SyncPoint,
+    Timestamps, TracedImage, shaders,
 };
 use crate::resident::scene::Scene;
 use crate::resident::table::Table;
@@ -100,9 +100,9 @@ pub struct Screen {
 }
 
 /// The pipeline of images in a window, beside those of [`super::frame::recipes`].
-pub fn recipe() -> Recipe {
+pub fn recipe() -> PipelineDesc {
     let push_bytes = size_of::<ScreenPush>() as u32;
-    Recipe { name: "screen", words: shaders::SCREEN, constants: Vec::new(), push_bytes, bindings: &[] }
+    PipelineDesc { name: "screen", words: shaders::SCREEN, constants: Vec::new(), push_bytes, bindings: &[] }
 }
 
 impl Screen {
@@ -308,9 +308,9 @@ impl Screen {
         Ok(times)
     }
 
-    /// The last image that is whole, to be shown at `place` (see [`Picture`]).
-    pub fn image_at(&self, place: [u32; 4]) -> Option<Picture<'_>> {
-        Some(Picture { words: self.words.as_ref()?, size: self.shown?, place })
+    /// The last image that is whole, to be shown at `place` (see [`TracedImage`]).
+    pub fn image_at(&self, place: [u32; 4]) -> Option<TracedImage<'_>> {
+        Some(TracedImage { words: self.words.as_ref()?, size: self.shown?, place })
     }
 
     fn slot(&mut self, slot: usize) {

@@ -11,7 +11,7 @@ use super::visibility::{Carried, Visibility};
 use super::work::{Recording, Work};
 use crate::coords::SECTION_SIDE;
 use crate::gpu::{
-    BindingKind, Buffer, ComputePipeline, Gpu, GpuError, MemoryKind, Order, Recipe, SyncPoint, shaders,
+    BindingKind, Buffer, ComputePipeline, Gpu, GpuError, MemoryKind, Order, PipelineDesc, SyncPoint, shaders,
 };
 use crate::limits::LIMITS;
 use bytemuck::{Pod, Zeroable};
@@ -132,21 +132,21 @@ impl Pass {
         earlier.declared().writes.iter().any(touches)
     }
 
-    fn recipe(self, variant: Variant, access: Access) -> Recipe {
+    fn recipe(self, variant: Variant, access: Access) -> PipelineDesc {
         let declared = self.declared();
         let (words, push_bytes, bindings): (_, _, &[_]) = match access {
             Access::Address | Access::Texels => (declared.by_address, 16, &[]),
             Access::StorageBuffer => (declared.by_buffer, 0, &[BindingKind::Storage; 3]),
         };
         let constants = (0..).zip(variant.map(u32::from)).collect();
-        Recipe { name: declared.name, words, constants, push_bytes, bindings }
+        PipelineDesc { name: declared.name, words, constants, push_bytes, bindings }
     }
 }
 
 /// Pipelines of the derived passes: those of usual sections, with or without bridges, and all others. Whoever holds them
 /// makes uploads quick.
 #[cfg(feature = "view")]
-pub fn recipes(access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
+pub fn recipes(access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
     let all = (0..8u8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1)).flat_map(|variant| {
         let [_, all, bridge] = variant;
         let passes: &[Pass] = if all || bridge { &[Pass::Tops] } else { &Pass::ALL };

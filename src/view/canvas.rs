@@ -7,7 +7,7 @@ use super::overlay::ImageArea;
 use super::pace::Pace;
 use super::settings::{Colors, SAMPLES, Settings, view_of};
 use crate::attribute::ColorTable;
-use crate::gpu::{Commands, Gpu, GpuError, Picture, SyncPoint};
+use crate::gpu::{Commands, Gpu, GpuError, SyncPoint, TracedImage};
 use crate::render::camera::Camera;
 use crate::render::frame::{Renderer, View, check_size};
 use crate::render::screen::{Pick, Screen};
@@ -268,7 +268,7 @@ impl Canvas {
     }
 
     /// The last image that is whole, where it lies in the window.
-    pub fn shown(&self, pixels_per_point: f32) -> Option<Picture<'_>> {
+    pub fn shown(&self, pixels_per_point: f32) -> Option<TracedImage<'_>> {
         let corner = self.area.rect.min * pixels_per_point;
         let [left, top] = [corner.x, corner.y].map(|v| v.round().max(0.0) as u32);
         let [width, height] = self.area.size;

@@ -151,7 +151,7 @@ impl Viewer {
         let pixels_per_point = interface.pixels_per_point;
         let mut drawing = Drawing::new(pixels_per_point);
         if let Some(traced) = self.canvas.shown(pixels_per_point) {
-            drawing.picture(traced);
+            drawing.traced_image(traced);
         }
         self.textures.draw(&mut drawing, pixels_per_point, &interface.primitives);
         let overlay = &mut self.overlay;

@@ -1,7 +1,7 @@
 //! The pipelines of a window, made on threads of their own: a driver may take seconds to compile them, and the window
 //! answers meanwhile.
 
-use crate::gpu::{ComputePipeline, DeviceKind, Gpu, GpuError, Recipe};
+use crate::gpu::{ComputePipeline, DeviceKind, Gpu, GpuError, PipelineDesc};
 use crate::render::{frame, screen};
 use crate::resident::{self, pool::Access};
 use crossbeam_channel::{Receiver, unbounded};
@@ -25,7 +25,7 @@ pub struct Pipelines {
 }
 
 /// What the first image needs, what takes longest first; then the rest.
-fn recipes(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<Recipe>; 2] {
+fn recipes(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
     let ([mut needed, more], [derived, others]) =
         (frame::recipes(kind, access), resident::derived_recipes(access, bridge));
     needed.reverse();
@@ -44,7 +44,7 @@ impl Pipelines {
     ) -> Pipelines {
         let [needed, more] = recipes(gpu.info().kind, access, bridge);
         let count = needed.len();
-        let all: Arc<[Recipe]> = needed.into_iter().chain(more).collect();
+        let all: Arc<[PipelineDesc]> = needed.into_iter().chain(more).collect();
         let (send, made) = unbounded();
         let (next, is_over, wake) =
             (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicBool::new(false)), Arc::new(wake));

@@ -19,8 +19,8 @@ pub struct Corner {
     pub color: [u8; 4],
 }
 
-/// A picture that passes have written: sRGB bytes, a word a pixel.
-pub struct Picture<'a> {
+/// An image that passes have written: sRGB bytes, a word a pixel.
+pub struct TracedImage<'a> {
     /// The words, row by row.
     pub words: &'a Buffer,
     /// Pixels that it has.
@@ -76,7 +76,7 @@ impl Drawing {
     }
 
     /// Adds what passes have drawn.
-    pub fn picture(&mut self, Picture { words, size, place }: Picture<'_>) {
+    pub fn traced_image(&mut self, TracedImage { words, size, place }: TracedImage<'_>) {
         let [left, top, width, height] = place.map(|v| v as f32 / self.pixels_per_point);
         let corner = |x, y| Corner { at: [left + x * width, top + y * height], uv: [x, y], color: [255; 4] };
         self.corners.extend([corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0), corner(1.0, 1.0)]);

@@ -17,5 +17,5 @@ mod drawing;
 mod pass;
 mod pipeline;
 
-pub use drawing::{Corner, Drawing, Picture, Texture};
+pub use drawing::{Corner, Drawing, Texture, TracedImage};
 pub use pass::Overlay;

@@ -6,7 +6,7 @@ use super::options::{Logged, PassOptions, Shade, TILE, Traversal, View, WIDE_TIL
 use crate::attribute::ColorMode;
 #[cfg(feature = "view")]
 use crate::gpu::DeviceKind;
-use crate::gpu::{BindingKind, ComputePipeline, Gpu, GpuError, Recipe, shaders};
+use crate::gpu::{BindingKind, ComputePipeline, Gpu, GpuError, PipelineDesc, shaders};
 use crate::resident::pool::Access;
 use std::collections::HashMap;
 
@@ -68,13 +68,13 @@ static PLAIN: Variants = variants!(UNIFORM, PLAIN, PLAIN_TEXELS, PLAIN_SSBO);
 static SHADE: Variants = variants!(STORED, SHADE, SHADE_TEXELS, SHADE_SSBO);
 
 impl Variants {
-    fn recipe(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> Recipe {
+    fn recipe(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> PipelineDesc {
         let (words, bindings) = match access {
             Access::Address => (self.by_address, &self.bindings.by_address[..]),
             Access::Texels => (self.by_texels, &self.bindings.by_texels[..]),
             Access::StorageBuffer => (self.by_buffer, &self.bindings.by_buffer[..]),
         };
-        Recipe { name, words, constants, push_bytes: size_of::<FramePush>() as u32, bindings }
+        PipelineDesc { name, words, constants, push_bytes: size_of::<FramePush>() as u32, bindings }
     }
 }
 
@@ -90,7 +90,7 @@ const DEALT: u32 = 5;
 const BEAMED: u32 = 6;
 
 /// The passes that are there from the start: wide beams, beams, trace, shade.
-fn passes(access: Access, options: PassOptions) -> [Recipe; 4] {
+fn passes(access: Access, options: PassOptions) -> [PipelineDesc; 4] {
     let shared = |[x, y]: [u32; 2]| vec![(0, x), (1, y), (DEALT, u32::from(options.dealt))];
     let beams = |name, side: u32, before: u32| {
         let sides = [(2, side), (3, before)];
@@ -112,7 +112,7 @@ fn passes(access: Access, options: PassOptions) -> [Recipe; 4] {
 }
 
 impl Exact {
-    fn recipe(self, access: Access, options: PassOptions) -> Recipe {
+    fn recipe(self, access: Access, options: PassOptions) -> PipelineDesc {
         let Exact { ramped, screen } = self;
         let PassOptions { group, dealt, beams, .. } = options;
         let flags = [(3, ramped), (4, screen), (DEALT, dealt), (BEAMED, beams)];
@@ -126,7 +126,7 @@ impl Exact {
     }
 }
 
-fn plain(access: Access, options: PassOptions) -> Recipe {
+fn plain(access: Access, options: PassOptions) -> PipelineDesc {
     let [x, y] = options.group;
     let mut recipe = PLAIN.recipe("plain", access, vec![(0, x), (1, y)]);
     if options.logged == Some(Logged::Trace) {
@@ -137,7 +137,7 @@ fn plain(access: Access, options: PassOptions) -> Recipe {
 
 impl PassOptions {
     /// The pipelines of an image's passes, in their order.
-    pub fn recipes(self, access: Access, traversal: Traversal, shade: Shade) -> Vec<Recipe> {
+    pub fn recipes(self, access: Access, traversal: Traversal, shade: Shade) -> Vec<PipelineDesc> {
         let [wide_beams, beams, trace, shading] = passes(access, self);
         let mut recipes = match traversal {
             Traversal::Fast if self.beams => vec![wide_beams, beams],
@@ -251,7 +251,7 @@ impl FramePipelines {
 /// Programs of a window's pictures: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
 /// and pictures quick.
 #[cfg(feature = "view")]
-pub fn recipes(kind: DeviceKind, access: Access) -> [Vec<Recipe>; 2] {
+pub fn recipes(kind: DeviceKind, access: Access) -> [Vec<PipelineDesc>; 2] {
     let options = PassOptions::of(kind);
     let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.recipe(access, options));
     [passes(access, options).into(), exact.into()]
