@@ -3,8 +3,9 @@
 use super::frames;
 use super::pool::PoolPipeline;
 use super::report::{PeerRow, Stat};
+use super::steady::{self, Repeats, WarmUp};
 use super::world::World;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, QueueKind, Timestamps};
 use crate::render::camera::{Camera, Projection};
 use embree3::{
     Bounds, BufferUsage, Config, Device, Format, Geometry, GeometryKind, Hit, Hit8, INVALID_ID,
@@ -219,27 +220,36 @@ pub fn run(
     pool.load(world, window)?;
     let view = frames::view(world, &camera, size, window);
     let picture = pool.picture(&view)?;
+    let mut warm_up = WarmUp::new(gpu.info().kind);
+    let mut clock = Timestamps::new(gpu, "traced", QueueKind::Compute, WarmUp::STAGES)?;
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
     let mut rows = Vec::new();
     for (scene, name) in [(PeerScene::Columns, "columns"), (PeerScene::Mesh, "mesh")] {
         progress(&format!("Embree: building {name} of {side} x {side} cells"));
         let peer = Peer::build(&field, scene, threads)?;
         progress(&format!("{name}: both in turn"));
-        let mut pool_times = Vec::new();
-        let mut times = Query::ALL.map(|query| (query, Vec::new()));
+        let mut pool_times = Repeats::default();
+        let mut times = Query::ALL.map(|query| (query, Repeats::default()));
         let mut traced = Traced::default();
         // In turn, so that what else the machine does is the same for all.
         for _ in 0..REPEATS {
-            pool_times.push(pool.frame(world, window, &[], Some(&view))?.0.trace_ms);
+            match &mut clock {
+                Some(clock) => {
+                    let timing = pool.time(&view, &mut warm_up, clock)?;
+                    pool_times.push(timing.all_ms, timing.is_warm);
+                }
+                // As it is seen from the host, of a device that has no clock.
+                None => pool_times.push(pool.frame(world, window, &[], Some(&view))?.0.trace_wall_ms, true),
+            }
             for (query, times) in &mut times {
                 traced = peer.trace(&rays, *query);
-                times.push(traced.seconds);
+                times.push(traced.seconds, true);
             }
         }
-        let pool_ms = Stat::of(pool_times).expect("there are repeats");
-        let times = times.map(|(query, times)| (query, Stat::of(times).expect("there are repeats")));
-        let fastest = times.into_iter().min_by(|(_, a), (_, b)| a.median.total_cmp(&b.median));
-        let (query, trace_s) = fastest.expect("there are queries");
+        let fastest = steady::best(times.iter().map(|(_, times)| times)).expect("there are queries");
+        let (query, peer_times) = &times[fastest];
+        let stat = |times: &Repeats| Stat::of(times.ms.clone()).expect("there are repeats");
+        let (pool_ms, trace_s) = (stat(&pool_times), stat(peer_times));
         let same = (0..lengths.len()).filter(|&at| {
             let (theirs, ours) =
                 (f64::from(traced.distance[at]) * lengths[at], f64::from(picture.distance[at]));
@@ -258,7 +268,9 @@ pub fn run(
             trace_s,
             pool_ms,
             mrays_s,
-            ratio: mrays_s[1] / mrays_s[0],
+            spreads: [peer_times.spread(), pool_times.spread()],
+            // Seconds over milliseconds.
+            ratio: peer_times.ratio_to(&pool_times).map(|ratio| 1e3 * ratio),
             agree,
         });
     }

@@ -334,8 +334,11 @@ pub struct ScalingRow {
     pub amount: [f64; 2],
     /// Median times, ms.
     pub ms: [f64; 2],
-    /// Time over time.
-    pub ratio: f64,
+    /// Of each, how much its repeats differ, of the least; `None`: they tell nothing of a clock (points are read on CPUs).
+    #[serde(default)]
+    pub spreads: [Option<f64>; 2],
+    /// Time over time; `None`: the times are not alike enough to be compared.
+    pub ratio: Option<f64>,
 }
 
 /// A peer on the CPU and our pipeline, tracing the same rays.
@@ -359,8 +362,11 @@ pub struct PeerRow {
     pub pool_ms: Stat,
     /// Million rays a second by medians: the peer's, ours.
     pub mrays_s: [f64; 2],
-    /// Ours over the peer's.
-    pub ratio: f64,
+    /// How much the repeats of each differ, of the least.
+    #[serde(default)]
+    pub spreads: [Option<f64>; 2],
+    /// Ours over the peer's; `None`: the times of one are not alike enough.
+    pub ratio: Option<f64>,
     /// Share of the rays at whose end both are, within a thousandth or a cell; meshes are another surface.
     pub agree: f64,
 }
@@ -608,13 +614,14 @@ impl Report {
         if !self.scaling.is_empty() {
             let _ = writeln!(out, "\n{:<44}{:<12}{:>14}{:>14}{:>10}", "scaling", "4x", "ms", "ms", "ratio");
         }
-        for ScalingRow { what, of, ms, ratio, .. } in &self.scaling {
+        for ScalingRow { what, of, ms, ratio, spreads, .. } in &self.scaling {
             let [less, more] = ms.map(number);
             let _ = writeln!(
                 out,
-                "{:<44}{of:<12}{less:>14}{more:>14}{:>10}",
+                "{:<44}{of:<12}{less:>14}{more:>14}{:>10}{}",
                 cut(what, 43),
-                number(*ratio) + "x"
+                times(*ratio),
+                unsteady(*ratio, *spreads)
             );
         }
         if !self.stream.is_empty() {
@@ -635,8 +642,9 @@ impl Report {
             );
             let _ = writeln!(
                 out,
-                "  pool {pool} M rays/s: {}x; {:.2} % of the rays end in the same place",
-                number(row.ratio),
+                "  pool {pool} M rays/s: {}{}; {:.2} % of the rays end in the same place",
+                times(row.ratio),
+                unsteady(row.ratio, row.spreads),
                 100.0 * row.agree
             );
         }
@@ -731,6 +739,21 @@ fn words(out: &mut String, title: &str, words: impl Iterator<Item = String>) {
     if any {
         let _ = writeln!(out, "{line}");
     }
+}
+
+/// `2.00x`, or `-`.
+fn times(ratio: Option<f64>) -> String {
+    ratio.map_or("-".to_owned(), |ratio| number(ratio) + "x")
+}
+
+/// Why there is no ratio: how much the repeats of both sides differ.
+fn unsteady(ratio: Option<f64>, spreads: [Option<f64>; 2]) -> String {
+    if ratio.is_some() {
+        return String::new();
+    }
+    let [less, more] =
+        spreads.map(|spread| spread.map_or("once".to_owned(), |s| format!("{:.1} %", 100.0 * s)));
+    format!(" (not steady: {less}, {more})")
 }
 
 fn ratio_lines(out: &mut String, ratios: &Ratios) {
@@ -1089,6 +1112,27 @@ pub(super) mod tests {
             coarser_frames: 0,
             not_resident: 0,
         }
+    }
+
+    #[test]
+    fn scaling_of_unlike_times_has_no_ratio() {
+        let row = |times: [&[f64]; 2]| {
+            let [coarse, fine] = times.map(|ms| Repeats { ms: ms.to_vec(), is_cold: false });
+            ScalingRow {
+                what: "trace, pool, turn".to_owned(),
+                of: "cells".to_owned(),
+                amount: [1.0, 4.0],
+                ms: [coarse.median().unwrap(), fine.median().unwrap()],
+                spreads: [coarse.spread(), fine.spread()],
+                ratio: fine.ratio_to(&coarse),
+            }
+        };
+        let mut report = Report::new("device", "driver", serde_json::Value::Null);
+        report.scaling = vec![row([&[2.0, 2.0, 2.1], &[3.0, 3.0]]), row([&[2.0, 2.9], &[3.0, 3.0]])];
+        let text = report.table();
+        let lines: Vec<_> = text.lines().filter(|line| line.starts_with("trace, pool, turn")).collect();
+        assert!(lines[0].ends_with("1.50x"), "{text}");
+        assert!(lines[1].ends_with("- (not steady: 45.0 %, 0.0 %)"), "{text}");
     }
 
     #[test]

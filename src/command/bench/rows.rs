@@ -19,6 +19,11 @@ pub(super) fn trace_ms(traced: &Traced, drawn: &[FrameTimes]) -> Vec<f64> {
     Traced::medians(&traced.all)
 }
 
+/// Whether all of them were taken after the device's clock had time to rise.
+pub(super) fn is_warm(traced: &Traced) -> bool {
+    traced.all.iter().all(|frame| !frame.is_cold)
+}
+
 /// What both pipelines have: streaming over `streamed` frames, others over `drawn` ones, tracing over `traced` ones.
 fn row(
     pipeline: Pipeline,

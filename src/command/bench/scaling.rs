@@ -2,10 +2,12 @@
 
 use super::harness::{Harness, STOP};
 use super::reading::{INGEST_POINTS, LOAD_RUNS};
-use super::rows::trace_ms;
-use crate::bench::frames::{self, FlightOptions};
+use super::rows::{is_warm, trace_ms};
+use crate::bench::FrameTimes;
+use crate::bench::frames::{self, FlightOptions, Traced};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::report::{Pipeline, ScalingRow, Stat};
+use crate::bench::steady::Repeats;
 use crate::bench::thesis::Config;
 use crate::load;
 use crate::render::path::PathKind;
@@ -45,8 +47,14 @@ impl Harness<'_> {
         let cells = [coarse, fine].map(|config| f64::from(config.side()).powi(2));
         // In turn, so that what else the machine does is the same for both.
         for path in &paths {
-            // [thesis, pool], coarse and fine.
+            // [thesis, pool], coarse and fine: of each frame, and of all frames of a round.
             let mut times = [const { [const { Vec::new() }; 2] }; 2];
+            let mut rounds: [[Repeats; 2]; 2] = Default::default();
+            let mut add = |pipeline: usize, step: usize, traced: &Traced, drawn: &[FrameTimes]| {
+                let ms = trace_ms(traced, drawn);
+                rounds[pipeline][step].push(ms.iter().sum(), is_warm(traced));
+                times[pipeline][step].extend(ms);
+            };
             for round in 1..=SCALING_ROUNDS {
                 self.say(format_args!(
                     "scaling: {}, {round} of {SCALING_ROUNDS}",
@@ -58,14 +66,16 @@ impl Harness<'_> {
                         frames::run(self.gpu, world, *config, path, true, thesis.as_mut(), &options)?;
                     if let Some(pool) = flight.pool {
                         let pool = pool?;
-                        times[1][step].extend(trace_ms(&pool.traced, &pool.drawn));
+                        add(1, step, &pool.traced, &pool.drawn);
                     }
                     if let Some(thesis) = flight.thesis {
-                        times[0][step].extend(trace_ms(&thesis.traced, &thesis.drawn));
+                        add(0, step, &thesis.traced, &thesis.drawn);
                     }
                 }
             }
-            for (pipeline, times) in [Pipeline::Thesis, Pipeline::Pool].into_iter().zip(times) {
+            for ((pipeline, times), [coarse, fine]) in
+                [Pipeline::Thesis, Pipeline::Pool].into_iter().zip(times).zip(rounds)
+            {
                 let medians = times.map(|times| Stat::of(times).map(|stat| stat.median));
                 let [Some(less), Some(more)] = medians else { continue };
                 self.report.scaling.push(ScalingRow {
@@ -73,7 +83,8 @@ impl Harness<'_> {
                     of: "cells".to_owned(),
                     amount: cells,
                     ms: [less, more],
-                    ratio: more / less,
+                    spreads: [coarse.spread(), fine.spread()],
+                    ratio: fine.ratio_to(&coarse),
                 });
             }
         }
@@ -106,7 +117,8 @@ impl Harness<'_> {
                 of: "points".to_owned(),
                 amount: rows.map(|row| row.points as f64),
                 ms,
-                ratio: ms[1] / ms[0],
+                spreads: [None; 2],
+                ratio: Some(ms[1] / ms[0]),
             });
         }
         Ok(())
