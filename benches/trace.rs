@@ -17,10 +17,10 @@ use lasray::gpu::{DeviceKind, Gpu, GpuOptions, PipelineDesc, QueueKind, Timestam
 use lasray::ingest::bins::Budget;
 use lasray::load::LoadOptions;
 use lasray::problems::Problems;
+use lasray::render::benchmark_path::PathKind;
 use lasray::render::camera::Camera;
 use lasray::render::frame::{Background, Logged, PassOptions, Renderer, Shade, Traversal, View, check_size};
 use lasray::render::image::Image;
-use lasray::render::path::PathKind;
 use lasray::resident::pool::Access;
 use lasray::source::placement::PlacementOptions;
 use serde_json::{Value, json};

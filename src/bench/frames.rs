@@ -9,10 +9,11 @@ use super::world::World;
 use crate::coords::{Bounds, CELL_LIMIT};
 use crate::gpu::{Gpu, QueueKind, Timestamps};
 use crate::load;
+use crate::render::benchmark_path::PathStage;
 use crate::render::camera::Camera;
 use crate::render::frame::{Background, Shade, Traversal, View};
 use crate::render::image::{Image, MISS_CLASS};
-use crate::render::path::{CameraPath, Stage};
+use crate::render::path::CameraPath;
 use glam::{DVec2, DVec3};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -170,11 +171,11 @@ pub fn view<'a>(world: &'a World, camera: &'a Camera, size: [u32; 2], window: [[
 }
 
 /// Where the paths are flown over `world` with windows of `config`.
-pub fn stage(world: &World, config: Config) -> Stage {
+pub fn stage(world: &World, config: Config) -> PathStage {
     let b = &world.bounds;
     let cell = world.grid.cell();
     let [ground, top] = world.relief();
-    Stage { center: b.center().truncate(), ground, top, cell, side: f64::from(config.side()) * cell }
+    PathStage { center: b.center().truncate(), ground, top, cell, side: f64::from(config.side()) * cell }
 }
 
 /// Whether every eye of `path` lies where cells are counted.

@@ -18,11 +18,10 @@ use crate::gpu::{DeviceKind, Gpu, Order, QueueKind, SyncPoint, Timestamps};
 use crate::limits::LIMITS;
 use crate::load::{self, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
+use crate::render::benchmark_path::{FAST_CELLS, PathKind, PathStage};
 use crate::render::camera::{Camera, Projection};
 use crate::render::frame::{Background, FrameError, PASSES, Renderer, Shade, Traversal, View};
-use crate::render::path::{
-    Aim, CameraPath, DEFAULT_FPS, FAST_CELLS, Interpolation, Keyframe, PathFault, PathKind, Stage,
-};
+use crate::render::path::{Aim, CameraPath, DEFAULT_FPS, Interpolation, Keyframe, PathFault};
 use crate::render::sight::sight;
 use crate::resident::cut::Sight;
 use crate::resident::live::Live;
@@ -156,7 +155,7 @@ fn ratio(streaming: &StreamFlight, resident: &[StreamFlight; 2]) -> (Option<f64>
 
 /// East and back over the data, [`FAST_CELLS`] finest cells in each of `frames` frames, a little farther north at
 /// each turn.
-fn back_and_forth(stage: &Stage, size: DVec2, frames: u32) -> Result<CameraPath, PathFault> {
+fn back_and_forth(stage: &PathStage, size: DVec2, frames: u32) -> Result<CameraPath, PathFault> {
     let step = f64::from(FAST_CELLS) * stage.cell;
     let across = (size.x / step).ceil().max(1.0) as u32;
     let lane = size.y / f64::from(LANES);
@@ -228,7 +227,7 @@ impl<'a> StreamCase<'a> {
     pub fn path(&self, kind: PathKind, seed: u64) -> Result<CameraPath, PathFault> {
         let bounds = self.about.bounds;
         let size = (bounds.max - bounds.min).truncate();
-        let stage = Stage {
+        let stage = PathStage {
             center: bounds.center().truncate(),
             ground: self.about.summary.height.p2,
             top: bounds.max.z,
@@ -471,7 +470,7 @@ mod tests {
     #[test]
     fn the_fast_path_stays_over_the_data() {
         let center = DVec2::new(512_000.0, 5_403_000.0);
-        let stage = Stage { center, ground: 200.0, top: 250.0, cell: 0.25, side: 1000.0 };
+        let stage = PathStage { center, ground: 200.0, top: 250.0, cell: 0.25, side: 1000.0 };
         let size = DVec2::new(1000.0, 1500.0);
         let path = back_and_forth(&stage, size, 120).unwrap();
         assert_eq!(path.frames(), 120);

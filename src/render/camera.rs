@@ -1,16 +1,18 @@
 //! The camera, in world coordinates, and the rays of its pixels. All f64.
 
+pub use super::camera_error::CameraError;
+use super::camera_error::{finite, finite3, positive};
+pub use super::ray_basis::RayBasis;
 use crate::coords::{Bounds, on_lattice};
-use crate::text::tidy;
 use glam::DVec3;
 
-/// Share of the picture's half-width and half-height that framed data fill.
+/// Share of the image's half-width and half-height that framed data fill.
 const FRAME_FILL: f64 = 0.96;
 
 /// Least depth of framed data, in radii of their box.
 const NEAREST: f64 = 0.05;
 
-/// Eyes, as rays start there, lie on a lattice of so many steps in one of the heights' lattice: the same picture then
+/// Eyes, as rays start there, lie on a lattice of so many steps in one of the heights' lattice: the same image then
 /// has the same rays bit by bit wherever in its CRS the data lies.
 const STEPS_PER_HEIGHT_STEP: f64 = 1024.0;
 
@@ -18,69 +20,6 @@ const STEPS_PER_HEIGHT_STEP: f64 = 1024.0;
 pub const DEFAULT_FOV: f64 = 45.0;
 /// Azimuth and elevation when none are asked for, degrees: looking north, 35° down.
 pub const DEFAULT_ORBIT: [f64; 2] = [0.0, 35.0];
-
-/// What cannot be seen, and why.
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum CameraError {
-    /// No direction to look in.
-    #[error("eye and target are both at {}: the camera has no direction", triple(.0))]
-    EyeIsTarget(DVec3),
-    /// NaN or infinity, given or arisen.
-    #[error("{what} is {value}: it must be finite")]
-    NotFinite {
-        /// What it is the value of.
-        what: &'static str,
-        /// The value.
-        value: f64,
-    },
-    /// Too small or negative.
-    #[error("{what} is {value}: it must be above 0")]
-    NotPositive {
-        /// What it is the value of.
-        what: &'static str,
-        /// The value.
-        value: f64,
-    },
-    /// Vertical field of view.
-    #[error("field of view is {0}°: it must lie between 0 and 180")]
-    Fov(f64),
-    /// Over the top.
-    #[error("elevation is {0}°: it must lie between -90 (straight up) and 90 (straight down)")]
-    Elevation(f64),
-    /// Image without pixels.
-    #[error("image size is {0}x{1}: neither may be 0")]
-    Size(u32, u32),
-    /// The picture takes in more than rays can be counted over.
-    #[error(
-        "from so far away the picture is {} units wide where the data begins, more than 2^30 cells of {}: \
-         take the camera nearer, a narrower field of view, or fewer units a pixel",
-        tidy(*width),
-        tidy(*cell)
-    )]
-    TooWide {
-        /// Its longer side, CRS units.
-        width: f64,
-        /// Side of a cell, CRS units.
-        cell: f64,
-    },
-}
-
-fn triple(v: &DVec3) -> String {
-    format!("{},{},{}", v.x, v.y, v.z)
-}
-
-fn finite(what: &'static str, value: f64) -> Result<f64, CameraError> {
-    if value.is_finite() { Ok(value) } else { Err(CameraError::NotFinite { what, value }) }
-}
-
-fn positive(what: &'static str, value: f64) -> Result<f64, CameraError> {
-    if finite(what, value)? > 0.0 { Ok(value) } else { Err(CameraError::NotPositive { what, value }) }
-}
-
-fn finite3(names: [&'static str; 3], v: DVec3) -> Result<DVec3, CameraError> {
-    names.into_iter().zip(v.to_array()).try_for_each(|(what, value)| finite(what, value).map(drop))?;
-    Ok(v)
-}
 
 /// How rays spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -159,7 +98,7 @@ fn sin_cos_degrees(angle: f64) -> (f64, f64) {
     }
 }
 
-/// Where pictures are taken from: world coordinates (CRS units; heights as shown, i.e. after vertical
+/// Where images are taken from: world coordinates (CRS units; heights as shown, i.e. after vertical
 /// exaggeration), no roll, z up; straight down has north on top.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
@@ -211,7 +150,7 @@ impl Camera {
     }
 
     /// Looks in the direction of `angles` (as in [`Camera::orbit`]) from where the whole box just fits
-    /// into a picture of `size` pixels, with a small margin. An orthographic projection keeps its scale
+    /// into an image of `size` pixels, with a small margin. An orthographic projection keeps its scale
     /// and looks at the middle of the box from outside.
     pub fn frame(
         bounds: &Bounds,
@@ -265,12 +204,12 @@ impl Camera {
         self.axes.forward
     }
 
-    /// To the right in the picture, length 1, level.
+    /// To the right in the image, length 1, level.
     pub fn right(&self) -> DVec3 {
         self.axes.right
     }
 
-    /// To the top of the picture, length 1.
+    /// To the top of the image, length 1.
     pub fn up(&self) -> DVec3 {
         self.axes.up
     }
@@ -287,7 +226,7 @@ impl Camera {
         [azimuth, (-f.z).atan2(f.x.hypot(f.y)).to_degrees()]
     }
 
-    /// The rays of a picture of `width` × `height` pixels as they are drawn, over heights on a lattice of `height_step`:
+    /// The rays of an image of `width` × `height` pixels as they are drawn, over heights on a lattice of `height_step`:
     /// those of [`Camera::basis`], whose eye is moved to the nearest 1/1024 of that. The direction of view is the
     /// camera's, whatever the eye is rounded to.
     pub fn drawn_basis(&self, size: [u32; 2], height_step: f64) -> Result<RayBasis, CameraError> {
@@ -296,7 +235,7 @@ impl Camera {
         Ok(RayBasis { eye: finite3(["eye E", "eye N", "eye U"], eye)?, ..self.basis(size)? })
     }
 
-    /// The rays of a picture of `width` × `height` pixels.
+    /// The rays of an image of `width` × `height` pixels.
     pub fn basis(&self, size: [u32; 2]) -> Result<RayBasis, CameraError> {
         let [width, height] = checked_size(size)?;
         let Axes { forward, right, up } = self.axes;
@@ -339,122 +278,6 @@ fn fit(points: [[f64; 2]; 8], tan: f64) -> (f64, f64) {
     let low = points.iter().map(|[x, z]| x - tan * z).fold(f64::NEG_INFINITY, f64::max);
     let high = points.iter().map(|[x, z]| x + tan * z).fold(f64::INFINITY, f64::min);
     (0.5 * (low + high), (high - low) / (2.0 * tan))
-}
-
-/// The rays of a picture, affine in the pixel: what host, shaders and reference share.
-///
-/// Pixel (px, py) counts from the top left; whole numbers are pixel centres, so a sub-pixel sample lies
-/// within ±½. `direction` is not normalised: without exaggeration its share along the view is 1.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RayBasis {
-    /// Where the camera is. Origins count from here: small numbers, the same ones wherever the data lies.
-    pub eye: DVec3,
-    /// The middle of the picture, pixels. Rays count from it, so that what is symmetrical in the picture is
-    /// so to the last bit.
-    pub middle: [f64; 2],
-    /// Origin of the ray through the middle, from the eye.
-    pub o0: DVec3,
-    /// Change of origin from a pixel to the one on its right (zero from an eye).
-    pub ox: DVec3,
-    /// Change of origin from a pixel to the one below.
-    pub oy: DVec3,
-    /// Direction of the ray through the middle.
-    pub d0: DVec3,
-    /// Change of direction from a pixel to the one on its right (zero for parallel rays).
-    pub dx: DVec3,
-    /// Change of direction from a pixel to the one below.
-    pub dy: DVec3,
-    /// How many times `direction` the origins lie ahead of the eye.
-    advanced: f64,
-    /// Vertical exaggeration that was undone.
-    z_scale: f64,
-}
-
-impl RayBasis {
-    /// Start of the pixel's ray, world coordinates.
-    pub fn origin(&self, px: f64, py: f64) -> DVec3 {
-        self.eye + self.origin_from_eye(px, py)
-    }
-
-    /// Start of the pixel's ray, counted from the eye.
-    pub fn origin_from_eye(&self, px: f64, py: f64) -> DVec3 {
-        self.o0 + self.ox * (px - self.middle[0]) + self.oy * (py - self.middle[1])
-    }
-
-    /// Direction of the pixel's ray.
-    pub fn direction(&self, px: f64, py: f64) -> DVec3 {
-        self.d0 + self.dx * (px - self.middle[0]) + self.dy * (py - self.middle[1])
-    }
-
-    /// The same rays with their origins moved on to the plane `depth` CRS units ahead along the direction
-    /// of view, just before the data: from there f32 is enough.
-    pub fn advance(&self, depth: f64) -> RayBasis {
-        RayBasis {
-            o0: self.o0 + self.d0 * depth,
-            ox: self.ox + self.dx * depth,
-            oy: self.oy + self.dy * depth,
-            advanced: self.advanced + depth,
-            ..*self
-        }
-    }
-
-    /// How many times its direction every ray's origin lies ahead of where it starts.
-    pub fn advanced(&self) -> f64 {
-        self.advanced
-    }
-
-    /// Length of the pixel's `direction` as seen, CRS units: hits at origin + t · direction are
-    /// `t · length + distance_eye_to_plane` away.
-    pub fn length(&self, px: f64, py: f64) -> f64 {
-        let d = self.direction(px, py);
-        DVec3::new(d.x, d.y, d.z * self.z_scale).length()
-    }
-
-    /// Length of the pixel's ray from the eye to the plane it was moved to, as seen, CRS units.
-    pub fn distance_eye_to_plane(&self, px: f64, py: f64) -> f64 {
-        self.advanced * self.length(px, py)
-    }
-
-    /// The rays as they run through unexaggerated data: what is shown at `pivot_u + (U - pivot_u) · z_scale`
-    /// is U. Distances stay those of the shown space, in which camera and eye are given; heights of hits
-    /// are true ones.
-    ///
-    /// Errors: `z_scale` not finite or not above 0, `pivot_u` not finite.
-    pub fn exaggerated(&self, z_scale: f64, pivot_u: f64) -> Result<RayBasis, CameraError> {
-        positive("z scale", z_scale)?;
-        finite("pivot of the z scale", pivot_u)?;
-        let flat = |v: DVec3| DVec3 { z: v.z / z_scale, ..v };
-        Ok(RayBasis {
-            eye: DVec3 { z: pivot_u + (self.eye.z - pivot_u) / z_scale, ..self.eye },
-            middle: self.middle,
-            o0: flat(self.o0),
-            ox: flat(self.ox),
-            oy: flat(self.oy),
-            d0: flat(self.d0),
-            dx: flat(self.dx),
-            dy: flat(self.dy),
-            advanced: self.advanced,
-            z_scale: self.z_scale * z_scale,
-        })
-    }
-
-    /// Smallest depth along the view (the unit of [`RayBasis::advance`]) of a column that stands in `bounds`
-    /// and has no end below, as far down as a ray of the picture can reach; at least 0. `forward` is the
-    /// camera's. For shown space, i.e. before [`RayBasis::exaggerated`].
-    pub fn depth_of(&self, bounds: &Bounds, forward: DVec3, [width, height]: [u32; 2]) -> f64 {
-        let depths = |b: &Bounds| b.corners().map(|p| (p - self.eye).dot(forward));
-        let farthest = depths(bounds).into_iter().fold(0.0, f64::max);
-        let [w, h] = [width, height].map(|n| f64::from(n) - 0.5);
-        let lowest = [(-0.5, -0.5), (w, -0.5), (-0.5, h), (w, h)]
-            .map(|(x, y)| {
-                let near = self.origin(x, y).z;
-                near.min(near + self.direction(x, y).z * farthest)
-            })
-            .into_iter()
-            .fold(bounds.min.z, f64::min);
-        let solid = Bounds { min: bounds.min.with_z(lowest), ..*bounds };
-        depths(&solid).into_iter().fold(f64::INFINITY, f64::min).max(0.0)
-    }
 }
 
 #[cfg(test)]
@@ -625,7 +448,7 @@ mod tests {
             let bounds = Bounds { min, max: min + DVec3::new(x, y, z) };
             let size = [width, height];
             let camera = Camera::frame(&bounds, [az, el], Projection::Perspective { fov }, size).unwrap();
-            // Widest use of the half-picture by a corner: 1 = at the border.
+            // Widest use of the half-image by a corner: 1 = at the border.
             let mut fill: f64 = 0.0;
             let mut nearest = f64::INFINITY;
             for p in bounds.corners() {

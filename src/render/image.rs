@@ -1,9 +1,9 @@
-//! The picture in memory, and the files it is written to.
+//! The image in memory, and the files it is written to.
 
 use crate::attribute::linear_to_srgb;
 use crate::coords::Grid;
-use crate::output::{self, Output, Protected, Refusal, SOFTWARE, write_whole};
-use crate::render::camera::{Camera, RayBasis};
+use crate::output::{Output, SOFTWARE};
+use crate::render::camera::Camera;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Layer, LayerAttributes, Text,
     WritableImage,
@@ -12,9 +12,6 @@ use glam::DVec3;
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-
-/// Side files are short: six numbers, a coordinate system.
-const MOST_SIDE_BYTES: u64 = 1 << 20;
 
 /// Class of a pixel that hit nothing.
 pub const MISS_CLASS: u32 = 256;
@@ -68,7 +65,7 @@ pub struct Image {
 /// Key and value of a text that goes into the file, e.g. the camera as typed. Keys: 1 to 79 ASCII letters.
 pub type Note<'a> = (&'a str, &'a str);
 
-/// What is written into pictures from `camera`: where it is and what it looks at, and the step of the lattice that the
+/// What is written into images from `camera`: where it is and what it looks at, and the step of the lattice that the
 /// heights lie on, CRS units.
 pub fn notes(camera: &Camera, grid: &Grid) -> [(&'static str, String); 3] {
     // To millimetres, or finer where heights are.
@@ -82,7 +79,7 @@ pub fn notes(camera: &Camera, grid: &Grid) -> [(&'static str, String); 3] {
 }
 
 impl Image {
-    /// A picture in which no ray hits.
+    /// An image in which no ray hits.
     pub fn new([width, height]: [u32; 2]) -> Image {
         let pixels = width as usize * height as usize;
         Image {
@@ -105,7 +102,7 @@ impl Image {
         }
     }
 
-    /// Writes 8-bit sRGB; with `alpha` (not premultiplied) for pictures without background, else the
+    /// Writes 8-bit sRGB; with `alpha` (not premultiplied) for images without background, else the
     /// colours as they are.
     pub fn write_png(&self, output: Output, alpha: bool, notes: &[Note]) -> Result<(), ImageError> {
         self.check(output.path())?;
@@ -173,7 +170,7 @@ impl Image {
         whole(output, |out| Ok(image.write().to_buffered(out)?))
     }
 
-    /// The EXR encoder panics on a picture without pixels.
+    /// The EXR encoder panics on an image without pixels.
     fn check(&self, path: &Path) -> Result<(), ImageError> {
         let pixels = self.width as usize * self.height as usize;
         let planes = [
@@ -188,7 +185,7 @@ impl Image {
     }
 }
 
-/// What a picture is written as.
+/// What an image is written as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// 8-bit sRGB.
@@ -248,169 +245,10 @@ fn whole(
     output.write(write).map_err(|Reason(reason)| ImageError::Write { path: path.to_owned(), reason })
 }
 
-/// Pixel → world of a map: E = a · column + b · row + c, N = d · column + e · row + f, at pixel centres.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WorldFile {
-    /// E a pixel to the right.
-    pub a: f64,
-    /// N a pixel to the right.
-    pub d: f64,
-    /// E a pixel down.
-    pub b: f64,
-    /// N a pixel down.
-    pub e: f64,
-    /// E of the first pixel's centre.
-    pub c: f64,
-    /// N of the first pixel's centre.
-    pub f: f64,
-}
-
-impl WorldFile {
-    /// Of parallel rays straight down; `None` for any other view, which is no map.
-    pub fn of(basis: &RayBasis) -> Option<WorldFile> {
-        let plumb = basis.d0.x == 0.0 && basis.d0.y == 0.0 && basis.d0.z < 0.0;
-        let parallel = basis.dx.length_squared() + basis.dy.length_squared() == 0.0;
-        // Adding zero turns -0 into 0.
-        (plumb && parallel).then_some(WorldFile {
-            a: basis.ox.x + 0.0,
-            d: basis.ox.y + 0.0,
-            b: basis.oy.x + 0.0,
-            e: basis.oy.y + 0.0,
-            c: basis.origin(0.0, 0.0).x,
-            f: basis.origin(0.0, 0.0).y,
-        })
-    }
-
-    /// The same in another unit (E and N factors), e.g. back from metres to degrees.
-    pub fn scaled(&self, [e, n]: [f64; 2]) -> WorldFile {
-        WorldFile { a: self.a * e, d: self.d * n, b: self.b * e, e: self.e * n, c: self.c * e, f: self.f * n }
-    }
-
-    /// Six lines.
-    fn text(&self) -> String {
-        let WorldFile { a, d, b, e, c, f } = self;
-        format!("{a}\n{d}\n{b}\n{e}\n{c}\n{f}\n")
-    }
-}
-
-/// The files beside a picture that say where it lies: a world file (`.pgw` for a PNG, `.wld` for others) and the CRS
-/// as WKT (`.prj`).
-///
-/// Others have files of such names, too: `tile.prj` may belong to `tile.laz`. One that is there is replaced only
-/// where the picture that is there says that it was written with it: pictures carry digests of their side files
-/// ([`SideFiles::note`]). All others are left alone, and where they do not say what ours would, that is said.
-#[derive(Debug)]
-pub struct SideFiles {
-    picture: PathBuf,
-    /// What lies beside the picture, or is to.
-    files: Vec<SideFile>,
-}
-
-#[derive(Debug)]
-struct SideFile {
-    path: PathBuf,
-    /// What is to be in it; `None`: it is to be absent.
-    text: Option<String>,
-    /// Digest of the one that was written with the picture that is there.
-    ours: Option<String>,
-}
-
-impl SideFile {
-    fn extension(&self) -> &str {
-        self.path.extension().and_then(|e| e.to_str()).unwrap_or_default()
-    }
-
-    /// As pictures carry it.
-    fn digest(&self, bytes: &[u8]) -> String {
-        format!("{}={:016x}", self.extension(), xxhash_rust::xxh3::xxh3_64(bytes))
-    }
-
-    /// The bytes that are there; none of what is too long for a side file, or no file.
-    fn there(&self) -> Option<Vec<u8>> {
-        let is_small = std::fs::metadata(&self.path).is_ok_and(|m| m.is_file() && m.len() <= MOST_SIDE_BYTES);
-        is_small.then(|| std::fs::read(&self.path).ok()).flatten()
-    }
-
-    /// Whether what is there now may be replaced.
-    fn may_go(&self, protected: &Protected) -> Result<(), Refusal> {
-        let is_ours = || self.ours.is_some() && self.ours == self.there().map(|bytes| self.digest(&bytes));
-        match protected.check(&self.path) {
-            // The digest says more than the folder it lies in.
-            Ok(()) | Err(Refusal::Foreign(_)) if self.path.symlink_metadata().is_err() || is_ours() => Ok(()),
-            Ok(()) | Err(Refusal::Foreign(_)) => Err(Refusal::NotOfPicture),
-            refused => refused,
-        }
-    }
-}
-
-impl SideFiles {
-    /// Of the picture that is about to be written to `picture`: a map with `world`, or none. Looks at what lies there.
-    pub fn new(picture: &Path, world: Option<&WorldFile>, wkt: Option<&str>) -> SideFiles {
-        let is_png = Format::of(picture).is_ok_and(|f| f == Format::Png);
-        let texts = [
-            (if is_png { "pgw" } else { "wld" }, world.map(WorldFile::text)),
-            ("prj", world.and(wkt).map(str::to_owned)),
-        ];
-        let head = output::head(picture).ok().filter(|head| output::is_ours(head)).unwrap_or_default();
-        let files = texts.map(|(extension, text)| {
-            let mut file = SideFile { path: picture.with_extension(extension), text, ours: None };
-            let digest = file.there().map(|bytes| file.digest(&bytes));
-            file.ours = digest.filter(|digest| output::holds(&head, digest.as_bytes()));
-            file
-        });
-        SideFiles { picture: picture.to_owned(), files: files.into() }
-    }
-
-    /// What the picture is to say of them; empty where there are none.
-    pub fn note(&self) -> String {
-        let digest = |file: &SideFile| file.text.as_ref().map(|text| file.digest(text.as_bytes()));
-        self.files.iter().filter_map(digest).collect::<Vec<_>>().join(" ")
-    }
-
-    /// Writes them; gives what is to be said of those that are not as they should be.
-    pub fn write(&self, protected: &Protected) -> Vec<String> {
-        let mut said = Vec::new();
-        for file in &self.files {
-            let (path, picture) = (file.path.display(), self.picture.display());
-            let is_world = file.extension() != "prj";
-            let Some(text) = &file.text else {
-                // A system without a place says nothing.
-                if file.path.exists() && (is_world || self.files.iter().any(|file| file.text.is_some())) {
-                    said.push(format!(
-                        "{path}: does not belong to {picture}, but programs that find it beside the picture will \
-                         take it for its place on the map: move one of them away"
-                    ));
-                }
-                continue;
-            };
-            if file.there().is_some_and(|there| there == text.as_bytes()) {
-                continue;
-            }
-            let written: io::Result<()> =
-                write_whole(&file.path, |_| file.may_go(protected), |out| out.write_all(text.as_bytes()));
-            if let Err(error) = written {
-                let there = match (file.path.exists(), is_world) {
-                    (false, _) => "",
-                    (true, true) => {
-                        "; programs that place the picture by it will put it in the wrong place: move it away, or \
-                         give the picture another name"
-                    }
-                    (true, false) => {
-                        "; check that it names the picture's coordinate system, or give the picture another name"
-                    }
-                };
-                said.push(format!("{path}: not written beside {picture}: {error}{there}"));
-            }
-        }
-        said
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::attribute::srgb_to_linear;
-    use crate::render::camera::Projection;
     use std::fs::{self, File};
     use std::io::BufReader;
 
@@ -503,83 +341,6 @@ mod tests {
         image.write_png(Output::fresh(&path), true, &[]).unwrap();
         assert_eq!(read_png(&path).0, [200, 200, 0, 128, 0, 0, 0, 0]);
         assert_eq!(encode([f32::NAN, f32::INFINITY, -1.0, 2.0], false), [0, 255, 0, 255]);
-    }
-
-    #[test]
-    fn a_map_is_georeferenced() {
-        let folder = tempfile::tempdir().unwrap();
-        let center = DVec3::new(500_000.0, 6_000_000.0, 90.0);
-        let map = Projection::Orthographic { units_per_pixel: 0.25 };
-        let view = |angles, projection| {
-            Camera::orbit(center, angles, 500.0, projection).unwrap().basis([400, 200]).unwrap()
-        };
-        let world = WorldFile::of(&view([0.0, 90.0], map)).unwrap();
-        for (name, beside) in [("top view.png", "top view.pgw"), ("top view.exr", "top view.wld")] {
-            let side = SideFiles::new(&folder.path().join(name), Some(&world), Some("PROJCS[…]"));
-            assert_eq!(side.write(&Protected::default()), [""; 0]);
-            let path = folder.path().join(beside);
-            // North-west pixel's centre: half a pixel inside the picture's corner.
-            assert_eq!(fs::read_to_string(path).unwrap(), "0.25\n0\n0\n-0.25\n499950.125\n6000024.875\n");
-        }
-        assert_eq!(WorldFile::of(&view([0.0, 89.0], map)), None);
-        assert_eq!(WorldFile::of(&view([0.0, -90.0], map)), None);
-        assert_eq!(WorldFile::of(&view([0.0, 90.0], Projection::default())), None);
-        let half = world.scaled([0.5, 2.0]);
-        assert_eq!((half.a, half.e, half.c, half.f), (0.125, -0.5, 249_975.062_5, 12_000_049.75));
-        assert_eq!(fs::read_to_string(folder.path().join("top view.prj")).unwrap(), "PROJCS[…]");
-    }
-
-    #[test]
-    fn side_files_of_others_are_left_alone() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        let read = |name: &str| fs::read_to_string(at(name)).unwrap();
-        let (nothing, image) = (Protected::default(), picture());
-        let draw = |name: &str, side: f64, wkt: Option<&str>| {
-            let path = at(name);
-            let world = WorldFile { a: side, d: 0.0, b: 0.0, e: -side, c: 5.0, f: 6.0 };
-            let files = SideFiles::new(&path, (side > 0.0).then_some(&world), wkt);
-            let note = files.note();
-            image.write(Output::over(&path, &nothing), false, &[("Beside", &note)]).unwrap();
-            files.write(&nothing)
-        };
-        for (picture, world) in [("map.png", "map.pgw"), ("sea.exr", "sea.wld")] {
-            let prj = format!("{}.prj", &picture[..3]);
-            fs::write(at(&prj), "of another program").unwrap();
-            for side in [1.0, 2.0, 0.25] {
-                // Ours is replaced, time and again; the other never.
-                let said = draw(picture, side, Some("PROJCS[…]"));
-                assert!(
-                    matches!(&said[..], [one] if one.contains(&prj) && one.contains("left as it is")),
-                    "{said:?}"
-                );
-                assert!(read(world).starts_with(&format!("{side}\n")));
-                assert_eq!(read(&prj), "of another program");
-            }
-            fs::remove_file(at(&prj)).unwrap();
-            assert_eq!(draw(picture, 1.0, Some("A")), [""; 0]);
-            assert_eq!(draw(picture, 1.0, Some("B")), [""; 0]);
-            assert_eq!(read(&prj), "B");
-            // A file that the user has changed is theirs from then on; one that says the same needs no word.
-            fs::write(at(world), "7\n").unwrap();
-            let said = draw(picture, 3.0, Some("B"));
-            assert!(matches!(&said[..], [one] if one.contains("in the wrong place")), "{said:?}");
-            assert_eq!(read(world), "7\n");
-            fs::write(at(world), "3\n0\n0\n-3\n5\n6\n").unwrap();
-            assert_eq!(draw(picture, 3.0, Some("B")), [""; 0]);
-            // What was a map is none any more.
-            let said = draw(picture, 0.0, None);
-            assert!(matches!(&said[..], [one] if one.contains("does not belong to")), "{said:?}");
-            let said = draw(picture, 3.0, None);
-            assert!(matches!(&said[..], [one] if one.contains(&prj)), "{said:?}");
-        }
-        // A picture of the same name that is not ours vouches for nothing, nor does a point cloud go.
-        fs::write(at("a.png"), "\u{89}PNG").unwrap();
-        fs::write(at("a.pgw"), "1\n").unwrap();
-        fs::write(at("a.prj"), "LASF").unwrap();
-        let said = draw("a.png", 3.0, Some("B"));
-        assert_eq!((said.len(), read("a.pgw").as_str(), read("a.prj").as_str()), (2, "1\n", "LASF"));
-        assert!(said[1].contains("point cloud"), "{said:?}");
     }
 
     #[test]

@@ -3,10 +3,10 @@
 use super::camera::{Camera, CameraError, Projection};
 use crate::resident::cut::Sight;
 
-/// Pixels around the picture that are loaded, too: shading looks beyond its edge.
+/// Pixels around the image that are loaded, too: shading looks beyond its edge.
 const MARGIN: f64 = 8.0;
 
-/// What `camera` sees in a picture of `size`; see [`Sight`] for the rest.
+/// What `camera` sees in an image of `size`; see [`Sight`] for the rest.
 pub fn sight(
     camera: &Camera,
     size: [u32; 2],

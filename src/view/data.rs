@@ -547,7 +547,7 @@ impl Data {
         self.live.as_ref().map(|live| renderer.table_of_live(self.scene(), live)).unwrap_or_default()
     }
 
-    /// Shows or hides a file, by its place in [`DataAbout::files`]. Until the sections that it touches are made anew, their
+    /// Shows or hides a file, by its place in [`DataAbout::files`]. Until the sections that it touches are rebuilt, their
     /// old versions stay.
     pub fn set_visible(&mut self, file: usize, shown: bool) {
         let Some(about) = self.about.as_mut().and_then(|about| about.files.get_mut(file)) else { return };

@@ -1,4 +1,4 @@
-//! TimesSummary of a window's frames, for programs.
+//! Times of a window's frames, for programs.
 
 use crate::output::Signed;
 use serde::Serialize;

@@ -6,8 +6,8 @@ use crate::command::values::{bytes, count, positive, size};
 use crate::ingest::bins::Budget;
 use crate::load::{self, LoadOptions};
 use crate::output::Target;
+use crate::render::benchmark_path::PathKind;
 use crate::render::frame::Shade;
-use crate::render::path::PathKind;
 use std::ffi::OsString;
 use std::path::PathBuf;
 

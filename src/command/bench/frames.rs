@@ -9,7 +9,8 @@ use crate::bench::thesis::{Config, Thesis};
 use crate::bench::world::World;
 use crate::command::UsageError;
 use crate::gpu::DeviceKind;
-use crate::render::path::{CameraPath, PathKind};
+use crate::render::benchmark_path::PathKind;
+use crate::render::path::CameraPath;
 
 impl Harness<'_> {
     /// Both pipelines along all paths.

@@ -10,7 +10,7 @@ use crate::bench::report::{Pipeline, ScalingRow, Stat};
 use crate::bench::steady::Repeats;
 use crate::bench::thesis::Config;
 use crate::load;
-use crate::render::path::PathKind;
+use crate::render::benchmark_path::PathKind;
 
 /// Frames of a path that scaling is measured by, and the paths.
 const SCALING_FRAMES: u32 = 30;

@@ -4,10 +4,10 @@ use super::error::FrameError;
 use super::options::{GROUP, WIDE_TILE};
 use crate::gpu::Gpu;
 
-/// Rays that one submit traces: large pictures go in bands of rows, one sample of a pixel at a time, so that no
-/// submit runs for long (drivers end those that do) and device memory does not grow with the picture.
+/// Rays that one submit traces: large images go in bands of rows, one sample of a pixel at a time, so that no
+/// submit runs for long (drivers end those that do) and device memory does not grow with the image.
 const SUBMIT_RAYS: u64 = 1 << 21;
-/// Most pixels of a picture: 32 bytes each in host memory.
+/// Most pixels of an image: 32 bytes each in host memory.
 const MOST_PIXELS: u64 = 1 << 27;
 
 /// And of its sides: rays count pixels from the middle, beams' corners up to a wide tile beyond the edge, and shaders
@@ -15,7 +15,7 @@ const MOST_PIXELS: u64 = 1 << 27;
 const MOST_SIDE: u32 = 65_400;
 const _: () = assert!(MOST_SIDE / 2 + WIDE_TILE < 1 << 15);
 
-/// An error where a picture of `size` cannot be drawn.
+/// An error where an image of `size` cannot be drawn.
 pub fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), FrameError> {
     let limits = gpu.limits();
     let too_large = |limit| FrameError::Size { width: size[0], height: size[1], limit };
@@ -32,13 +32,13 @@ pub fn check_size(gpu: &Gpu, size: [u32; 2]) -> Result<(), FrameError> {
     Ok(())
 }
 
-/// Rows of one band of a picture of `size`.
+/// Rows of one band of an image of `size`.
 pub(super) fn band_rows(size: [u32; 2]) -> u32 {
     let rows = (SUBMIT_RAYS / u64::from(size[0])).max(1) as u32;
     rows.next_multiple_of(GROUP[1]).min(size[1])
 }
 
-/// Part of a picture that one submit works on.
+/// Part of an image that one submit works on.
 #[derive(Clone, Copy)]
 pub(in super::super) struct Band {
     pub first_row: u32,
@@ -47,8 +47,8 @@ pub(in super::super) struct Band {
     pub samples: u32,
     /// What it draws is copied back.
     pub read: bool,
-    /// Bytes for the screen, where the picture is exact, instead of sums and records.
+    /// Bytes for the screen, where the image is exact, instead of sums and records.
     pub screen: bool,
-    /// Sums and records of the whole picture are kept, not of the band alone.
+    /// Sums and records of the whole image are kept, not of the band alone.
     pub whole: bool,
 }

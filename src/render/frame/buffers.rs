@@ -15,7 +15,7 @@ const BYTES_PER_BEAM: u64 = 4;
 /// Of a hit record, and of a sum of colours.
 pub(super) const BYTES_PER_PIXEL: u64 = 16;
 
-/// Of the buffer of a section table: one that is made anew while sections arrive costs a frame, on lavapipe even a new
+/// Of the buffer of a section table: one that is rebuilt while sections arrive costs a frame, on lavapipe even a new
 /// translation of the passes that read it.
 const LEAST_TABLE_BYTES: u64 = 1 << 20;
 
@@ -125,7 +125,7 @@ impl FrameTargets {
                 && t.beams.size() >= tile_bytes(TILE)
                 && t.wide_beams.size() >= tile_bytes(WIDE_TILE)
         };
-        // A window's picture is now coarse, now fine: what is large enough is kept.
+        // A window's image is now coarse, now fine: what is large enough is kept.
         let is_kept = kept.as_ref().is_some_and(|t| if band.whole { fits(t) } else { t.size == size });
         if !is_kept {
             *kept = None;

@@ -3,7 +3,7 @@
 use super::super::camera::CameraError;
 use crate::gpu::GpuError;
 
-/// What went wrong with a picture.
+/// What went wrong with an image.
 #[derive(Debug, thiserror::Error)]
 pub enum FrameError {
     /// The device.

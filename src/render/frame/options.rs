@@ -34,7 +34,7 @@ pub enum Shade {
     Lit,
 }
 
-/// A picture to be made.
+/// An image to be made.
 #[derive(Clone, Debug)]
 pub struct View<'a> {
     /// From where.
@@ -49,7 +49,7 @@ pub struct View<'a> {
     pub pivot: f64,
     /// Where most of the data is, not exaggerated. Numbers are finest from its near side on.
     pub bounds: Bounds,
-    /// Lit pictures end at this height, CRS units: columns are solid without end, which nobody wants to see.
+    /// Lit images end at this height, CRS units: columns are solid without end, which nobody wants to see.
     pub floor: f64,
     /// Colour of hits.
     pub colors: &'a ColorTable,
@@ -104,10 +104,10 @@ pub enum Logged {
     Trace,
 }
 
-/// How the passes of a picture are cut into groups and ordered; pictures do not depend on it. The default is what the
-/// program draws with, others are for benchmarks.
+/// How the passes of an image are cut into groups and ordered; images do not depend on it. The default is what the
+/// binary draws with, others are for benchmarks.
 ///
-/// Widths are multiples of 8: with groups of 12 × 6, lavapipe (Mesa 22.3) drew other pictures by address, though not by
+/// Widths are multiples of 8: with groups of 12 × 6, lavapipe (Mesa 22.3) drew other images by address, though not by
 /// texels; why is not known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PassOptions {

@@ -42,7 +42,7 @@ impl Bindings {
 static UNIFORM: Bindings = Bindings::new(BindingKind::Uniform);
 static STORED: Bindings = Bindings::new(BindingKind::Storage);
 
-/// A pass's program for each [`Access`].
+/// A pass's shader for each [`Access`].
 struct Variants {
     bindings: &'static Bindings,
     by_address: &'static [u32],
@@ -78,7 +78,7 @@ impl Variants {
     }
 }
 
-/// A program for exact pictures: only what they need is in it.
+/// A pipeline for exact images: only what they need is in it.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 struct Exact {
     ramped: bool,
@@ -248,8 +248,8 @@ impl FramePipelines {
     }
 }
 
-/// Programs of a window's pictures: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
-/// and pictures quick.
+/// Pipelines of a window's images: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
+/// and images quick.
 #[cfg(feature = "view")]
 pub fn recipes(kind: DeviceKind, access: Access) -> [Vec<PipelineDesc>; 2] {
     let options = PassOptions::of(kind);

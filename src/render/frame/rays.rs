@@ -5,7 +5,7 @@ use super::options::{View, WIDE_TILE};
 use crate::coords::{CELL_LIMIT, Grid, Height, power_of_two_at_most};
 use glam::DVec3;
 
-/// The rays of a picture, from a plane just before the data on.
+/// The rays of an image, from a plane just before the data on.
 #[derive(Clone)]
 pub(crate) struct ViewRays {
     /// As they are shown.
@@ -27,7 +27,7 @@ pub(super) struct Origins {
     /// Per sixteenth of a pixel, of which samples and the centre of an odd size are whole numbers.
     pub(super) right: [i64; 3],
     pub(super) down: [i64; 3],
-    /// Height steps in one of the third coordinate: 1, or a power of two where the picture reaches farther up or down
+    /// Height steps in one of the third coordinate: 1, or a power of two where the image reaches farther up or down
     /// than whole steps can be counted.
     pub(super) step: f64,
 }
@@ -41,12 +41,12 @@ const STEPS_OF_DEPTH: f64 = 64.0;
 const ORIGIN_REACH: i128 = 1 << 30;
 const _: () = assert!(ORIGIN_REACH + CELL_LIMIT as i128 <= 1 << 31);
 
-/// More doublings of [`Origins::step`] than any picture needs whose width can be counted in cells.
+/// More doublings of [`Origins::step`] than any image needs whose width can be counted in cells.
 const MOST_STEP_LOG2: i32 = 64;
 
 impl ViewRays {
     /// Of `view`, over cells and heights of `grid`, the heights counted from `anchor` on the device.
-    /// Errors: the picture takes in too much to be counted in cells.
+    /// Errors: the image takes in too much to be counted in cells.
     pub(crate) fn of(view: &View, grid: &Grid, anchor: Height) -> Result<ViewRays, CameraError> {
         let shown = view.camera.drawn_basis(view.size, grid.height_step)?;
         let bounds = view.bounds.exaggerated(view.z_scale, view.pivot);
@@ -68,7 +68,7 @@ impl ViewRays {
 }
 
 impl Origins {
-    /// `None` where a ray of the picture starts too many cells from the anchor.
+    /// `None` where a ray of the image starts too many cells from the anchor.
     fn of(rays: &RayBasis, size: [u32; 2], grid: &Grid, height_anchor: Height) -> Option<Origins> {
         let cell = grid.cell();
         let anchor = DVec3::new(grid.anchor[0] as f64, grid.anchor[1] as f64, f64::from(height_anchor.0));

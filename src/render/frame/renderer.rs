@@ -32,7 +32,7 @@ pub(in super::super) fn derive_colors(scene: &mut Scene, view: &View) -> Result<
     }
 }
 
-/// Makes pictures of a scene.
+/// Makes images of a scene.
 pub struct Renderer {
     pipelines: FramePipelines,
     pub(super) access: Access,
@@ -125,7 +125,7 @@ impl Renderer {
     }
 
     /// Submits one sample of every pixel and waits for nothing but the frame before the last; nothing is copied
-    /// back. A picture of more pixels than one submit may trace (2²¹) goes in bands, each a submit over the one before.
+    /// back. An image of more pixels than one submit may trace (2²¹) goes in bands, each a submit over the one before.
     /// With a `clock` of one stage for each pass, its stages are the passes, bands added up; each band but the last is then
     /// waited for.
     pub fn submit_frame(
@@ -193,7 +193,7 @@ impl Renderer {
         table
     }
 
-    /// Sums and hit records of the picture that was recorded last, 16 bytes a pixel each.
+    /// Sums and hit records of the image that was recorded last, 16 bytes a pixel each.
     #[cfg(feature = "view")]
     pub(in super::super) fn sums_and_hits(&self) -> Option<[&Buffer; 2]> {
         self.targets.as_ref().map(|targets| [&targets.colors, &targets.hits])
@@ -353,7 +353,7 @@ impl Renderer {
         }
     }
 
-    /// Channels of the picture's pixels from `from` on: distances and heights in f64 from what the device found.
+    /// Channels of the image's pixels from `from` on: distances and heights in f64 from what the device found.
     fn finish(&self, rays: &ViewRays, hits: &[HitRecord], from: usize, image: &mut Image) {
         let width = image.width;
         for (at, hit) in (from..).zip(hits) {
