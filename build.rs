@@ -3,7 +3,11 @@
 //! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
 //! an `#ifdef POOL_SSBO`, itself or in an include, is compiled as `NAME`, and as `NAME_SSBO` with it; so with
 //! `POOL_TEXELS`, and with `LOGGED` (what a benchmark counts).
+//! The constants that Rust and the shaders share come from the table in `build/constants.rs`.
 //! Release builds learn the commit they are built from, for the reports of benchmarks.
+
+#[path = "build/constants.rs"]
+mod constants;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -11,7 +15,9 @@ use std::{env, fs, process};
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=build");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    write_constants(&out).unwrap_or_else(|e| fail(&format!("{}: {e}", out.display())));
     // The tests' own shaders are in a module of their own, so that the library does not carry them.
     for (folder, module) in [("shaders", "shaders.rs"), ("tests/shaders", "test_shaders.rs")] {
         println!("cargo::rerun-if-changed={folder}");
@@ -24,6 +30,21 @@ fn main() {
     {
         println!("cargo::rustc-env=LASRAY_COMMIT={commit}");
     }
+}
+
+/// The table for Rust, for the shaders (in the folder that [`includes`] names), and as text for the documentation.
+fn write_constants(out: &Path) -> std::io::Result<()> {
+    fs::create_dir_all(includes(out))?;
+    for (name, text) in constants::glsl() {
+        fs::write(includes(out).join(name), text)?;
+    }
+    fs::write(out.join("shared.rs"), constants::rust())?;
+    fs::write(out.join("payload.txt"), constants::drawing())
+}
+
+/// Where the includes are that are written here.
+fn includes(out: &Path) -> PathBuf {
+    out.join("include")
 }
 
 /// The commit, with `-dirty` where files differ from it. `None` without git, and in a package, whatever repository it
@@ -118,7 +139,8 @@ fn asks_for(source: &Path, asked: &str, depth: u32) -> Result<bool, String> {
 fn compile(source: &Path, define: Option<&str>, out: &Path) -> Result<Vec<u32>, String> {
     let spirv = out.join("shader.spv");
     let mut command = process::Command::new("glslc");
-    command.args(["--target-env=vulkan1.3", "-O", "-Werror", "-I", "shaders", "-o"]).arg(&spirv).arg(source);
+    command.args(["--target-env=vulkan1.3", "-O", "-Werror", "-I", "shaders", "-I"]).arg(includes(out));
+    command.arg("-o").arg(&spirv).arg(source);
     if let Some(define) = define {
         command.arg(format!("-D{define}"));
     }
@@ -136,7 +158,7 @@ fn compile(source: &Path, define: Option<&str>, out: &Path) -> Result<Vec<u32>, 
 }
 
 #[cfg(feature = "shaderc")]
-fn compile(source: &Path, define: Option<&str>, _out: &Path) -> Result<Vec<u32>, String> {
+fn compile(source: &Path, define: Option<&str>, out: &Path) -> Result<Vec<u32>, String> {
     use shaderc::{
         CompileOptions, Compiler, EnvVersion, OptimizationLevel, ResolvedInclude, ShaderKind, TargetEnv,
     };
@@ -151,8 +173,9 @@ fn compile(source: &Path, define: Option<&str>, _out: &Path) -> Result<Vec<u32>,
     }
     options.set_include_callback(|name, _, from, _| {
         let beside = Path::new(from).parent().unwrap_or(Path::new("")).join(name);
-        let path = if beside.is_file() { beside } else { Path::new("shaders").join(name) };
-        let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let places = [beside, Path::new("shaders").join(name), includes(out).join(name)];
+        let path = places.iter().find(|p| p.is_file()).unwrap_or(&places[1]);
+        let content = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
         Ok(ResolvedInclude { resolved_name: path.to_string_lossy().into_owned(), content })
     });
     let name = source.to_string_lossy();

@@ -11,10 +11,10 @@
 #include "section.glsl"
 #include "frame.glsl"
 
-layout(local_size_x_id = 0, local_size_y_id = 1) in;
+layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 // Pixels of a tile's side, and of the tile's whose beam this one goes on from (0: none).
-layout(constant_id = 2) const uint SIDE = 8u;
-layout(constant_id = 3) const uint BEFORE = 0u;
+layout(constant_id = ID_SIDE) const uint SIDE = TILE;
+layout(constant_id = ID_BEFORE) const uint BEFORE = 0u;
 
 const float NOTHING = -3e38;
 

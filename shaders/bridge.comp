@@ -14,7 +14,7 @@
 #include "section.glsl"
 #include "derive.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = DERIVE_THREADS) in;
 
 // The section, and those that the half block may reach into.
 uvec4 here, beside, above, across;
@@ -27,7 +27,7 @@ uint measured(ivec2 half_block) {
     uvec2 at = uvec2(half_block) & uvec2(31u, 63u);
     uint columns = 0u;
     if (section.xy != uvec2(0u))
-        columns = pool_load(section.xy, (at.y << BLOCKS_LOG2 | at.x * 2u) * block_words(section.w) + measured_in_block(section.w));
+        columns = pool_load(section.xy, (at.y << DERIVED_BLOCKS_LOG2 | at.x * 2u) * block_words(section.w) + measured_in_block(section.w));
     return columns;
 }
 
@@ -122,7 +122,7 @@ void main() {
 
         // A bridged height may lie outside what this section's code can say: it is held to its range.
         uint code = bridged ? uint(max(height - int(here.z), 1)) : 0u;
-        if (!WIDE) code = min(code, 0xFFFFu);
+        if (!WIDE) code = min(code, MOST_NARROW_CODE);
         uint first = west + (x >> 2u) * block_words(IS_WIDE), inner = in_block(uvec2(column));
         if (WIDE) pool_store(derived, first + inner, code);
         else {

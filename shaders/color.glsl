@@ -1,41 +1,37 @@
 // What is seen of a column.
 // Needs pool.glsl, section.glsl, frame.glsl.
 
-const uint ORIGIN_MEASURED = 0u;
-const uint ORIGIN_BRIDGED = 1u;
-
 vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055, vec3(2.4)), greaterThan(srgb, vec3(0.04045))); }
 
-vec3 bytes(uint packed_bytes) { return vec3(packed_bytes & 0xFFu, packed_bytes >> 8u & 0xFFu, packed_bytes >> 16u & 0xFFu) / 255.0; }
+vec3 bytes(uint packed_bytes) { return vec3(packed_bytes & 0xFFu, packed_bytes >> SHOWN_GREEN_SHIFT & 0xFFu, packed_bytes >> SHOWN_BLUE_SHIFT & 0xFFu) / 255.0; }
 
 // Whether colours are not RGB: a constant of the program, so that it does only what it must.
-layout(constant_id = 3) const bool RAMPED = true;
+layout(constant_id = ID_RAMPED) const bool RAMPED = true;
 
 // What a column shows (see section.glsl).
 uint shown_at(uint slot, uvec2 column) {
     return shown_of(node_pyramid(slot), column, node_wide(slot));
 }
 
-uint class_of(uint shows) { return shows >> 24u; }
+uint class_of(uint shows) { return shows >> SHOWN_CLASS_SHIFT; }
 
 // Its colour, sRGB; `top` is the column's, lattice steps from the anchor.
 vec3 srgb_of(uint shows, uint top) {
-    if (!RAMPED || frame.color_source == 0u) return bytes(shows);
-    uint value = frame.color_source == 1u ? (top + uint(frame.height_anchor)) ^ 0x80000000u
-               : frame.color_source == 2u ? class_of(shows)
-               : frame.color_source == 3u ? shows & 0xFFFFu
-                                          : shows >> 16u & 0xFFu;
-    float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, 255.0) : 0.0;
+    if (!RAMPED || frame.color_source == COLOR_RGB) return bytes(shows);
+    uint value = frame.color_source == COLOR_HEIGHT ? (top + uint(frame.height_anchor)) ^ HEIGHT_SIGN
+               : frame.color_source == COLOR_CLASS ? class_of(shows)
+               : frame.color_source == COLOR_INTENSITY ? shows & 0xFFFFu
+                                          : shows >> SHOWN_RETURNS_SHIFT & 0xFFu;
+    float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, float(RAMP_ENTRIES - 1u)) : 0.0;
     int entry = int(at_entry);
-    return mix(RAMP[entry].rgb, RAMP[min(entry + 1, 255)].rgb, at_entry - float(entry));
+    return mix(RAMP[entry].rgb, RAMP[min(entry + 1, int(RAMP_ENTRIES) - 1)].rgb, at_entry - float(entry));
 }
 
 // Second word of a finished hit record.
 uint bits_of(uint shows, uint slot, uvec2 column, uint face) {
     bool measured = is_measured(node_pyramid(slot), column, node_wide(slot));
-    return class_of(shows) | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << 9u | face << 12u;
+    return class_of(shows) | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << BITS_ORIGIN_SHIFT | face << BITS_FACE_SHIFT;
 }
-const uint BITS_MISS = 256u;
 
 vec3 sky(vec3 direction) {
     // A bright haze at the horizon, soft blue above, quiet grey below.
@@ -47,7 +43,7 @@ vec3 sky(vec3 direction) {
 
 // What is behind the data, linear.
 vec4 background(vec3 direction) {
-    vec4 color = vec4(frame.background == 1u ? vec3(1.0) : vec3(0.0), frame.background == 0u ? 0.0 : 1.0);
-    if (frame.background == 2u) color = vec4(linear_of(sky(direction)), 1.0);
+    vec4 color = vec4(frame.background == BACKGROUND_WHITE ? vec3(1.0) : vec3(0.0), frame.background == BACKGROUND_NONE ? 0.0 : 1.0);
+    if (frame.background == BACKGROUND_SKY) color = vec4(linear_of(sky(direction)), 1.0);
     return color;
 }

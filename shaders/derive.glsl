@@ -1,5 +1,6 @@
 // What the derived passes share: one job a section, the mask under which they run, and codes four at a time.
-// Needs pool.glsl and section.glsl.
+// Needs pool.glsl and section.glsl. What is uploaded of a section: see the drawing in docs/from-file-to-pixel.md.
+#include "passes.glsl"
 
 struct Job {
     uvec4 section; // its place; where counts and further runs start
@@ -31,22 +32,13 @@ layout(push_constant, scalar) uniform Push { uvec2 jobs; uvec2 derive; } push;
 #define DERIVE DeriveBlock(push.derive).derive
 #endif
 
-layout(constant_id = 0) const bool WIDE = false; // codes of the sections take 32 bits
-
-// What is uploaded of a section, words from its start (src/section.rs): two words for each of its 8x8 blocks, where the
-// block starts (0: it holds nothing) and how many further runs those before it have; the blocks, three words for the
-// highest run of each column (height with its sign bit turned, 0: no point; attributes); how many other runs each column
-// has, a byte; the further runs, three words each.
-const uint PLACES = 16u;
-const uint FIRST_BLOCK = PLACES + 2048u;
-const uint BLOCK_WORDS = 192u;
-const uint COUNT_WORDS = 16u;
+layout(constant_id = ID_WIDE) const bool WIDE = false; // codes of the sections take 32 bits
 
 // First word of the western of a half block's two blocks.
 uint western_block(uint half_block, uint wide) {
     uint block = half_block >> 1u;
     uint row = (block >> 5u) * 2u + (half_block & 1u);
-    return (row << BLOCKS_LOG2 | (block & 31u) * 2u) * block_words(wide);
+    return (row << DERIVED_BLOCKS_LOG2 | (block & 31u) * 2u) * block_words(wide);
 }
 
 const uint IS_WIDE = WIDE ? 1u : 0u;
@@ -55,7 +47,7 @@ const uint IS_WIDE = WIDE ? 1u : 0u;
 uvec2 load_two(uvec2 derived, uint first, uint code) {
     if (WIDE) return uvec2(pool_load(derived, first + code), pool_load(derived, first + code + 1u));
     uint word = pool_load(derived, first + code / 2u);
-    return uvec2(word & 0xFFFFu, word >> 16u);
+    return uvec2(word & MOST_NARROW_CODE, word >> 16u);
 }
 
 void store_two(uvec2 derived, uint first, uint code, uvec2 codes) {
@@ -97,5 +89,5 @@ void store_levels_1_and_2(uvec2 derived, uint half_block, uint west) {
         }
     }
     uvec2 node = half_block_origin(half_block) >> 2u;
-    store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << 6u | node.x), level_2);
+    store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << DERIVED_BLOCKS_LOG2 | node.x), level_2);
 }

@@ -7,9 +7,9 @@
 #include "color.glsl"
 #include "trace.glsl"
 
-layout(local_size_x_id = 0, local_size_y_id = 1) in;
+layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 // Colours as sRGB bytes, a word a pixel, and no hit records: for the screen.
-layout(constant_id = 4) const bool SCREEN = false;
+layout(constant_id = ID_SCREEN) const bool SCREEN = false;
 
 void main() {
     uvec2 pixel = dealt_pixel(gl_WorkGroupSize);
@@ -31,13 +31,13 @@ void main() {
         // Signed numbers, which CPUs convert eight at once.
         ivec3 color = RAMPED ? ivec3(srgb_of(shows, uint(hit.top)) * 255.0 + 0.5) : ivec3(0);
         uint rgb = RAMPED ? uint(color.r | color.g << 8 | color.b << 16) : shows & 0xFFFFFFu;
-        uint behind = frame.background == 0u ? 0u : frame.background == 1u ? 0xFFFFFFFFu : 0xFFCCCCCCu;
+        uint behind = frame.background == BACKGROUND_NONE ? 0u : frame.background == BACKGROUND_WHITE ? 0xFFFFFFFFu : 0xFFCCCCCCu;
         SCREEN_IMAGE[at] = miss ? behind : 0xFF000000u | rgb;
     } else {
         uint bits = miss ? BITS_MISS : bits_of(shows, hit.slot, hit.column, hit.face);
         vec4 sum = (miss ? background(ray.world) : vec4(linear_of(srgb_of(shows, uint(hit.top))), 1.0)) * push.sample_weight;
         if (push.sample_index > 0u) sum += COLOR[at];
         COLOR[at] = sum;
-        HIT[at] = uvec4(floatBitsToUint(hit.t), bits, min(hit.steps, 8191u), uint(hit.top));
+        HIT[at] = uvec4(floatBitsToUint(hit.t), bits, min(hit.steps, MOST_STEPS), uint(hit.top));
     }
 }

@@ -1,5 +1,7 @@
 // What a frame's passes share: the frame's constants, the section table, the hit records, the rays.
 // Needs pool.glsl.
+#include "node.glsl"
+#include "passes.glsl"
 
 // The camera as the host gives it, ready for rays: origins are linear in the pixel and lie on a plane just
 // before the bulk of the data; they are 32.32 fixed point, so that they are exact wherever the data is. Rays
@@ -30,17 +32,17 @@ struct Frame {
                    // world units, at most a cell, so that numbers here do not depend on the unit
     float origin_step; // lattice steps in one step up of an origin: 1 unless the picture is too tall for that
     int height_anchor; // lattice height of local height 0
-    uint shade;        // 0: exact, 1: lit
-    uint color_source; // 0 rgb, 1 height, 2 class, 3 intensity, 4 returns
+    uint shade;        // SHADE_LIT, or 0: exact
+    uint color_source; // COLOR_RGB and so on
     uint range_low;    // value of ramp entry 0; heights biased by 2^31
     float range_scale; // entries a step of the value
     float cell_steps;  // lattice steps in one cell side, exaggeration included: slopes
     vec3 sun;          // towards the sun
-    uint background;   // 0 none, 1 white, 2 sky
+    uint background;   // BACKGROUND_NONE and so on
     float floor;       // lit pictures end here, lattice steps from the anchor
 };
 
-// One slot of the section table, an open-addressed hash over nodes of the quadtree (src/stream/table.rs).
+// One slot of the section table, an open-addressed hash over nodes of the quadtree (src/resident/table.rs).
 struct Node {
     uvec2 key;    // level << 26 | index east (26 bits), index north; NO_KEY: unused
     uint top;     // highest thing below, lattice steps from the anchor, rounded up: bits of a float, the last set for sections
@@ -51,9 +53,8 @@ struct Node {
     uint beside[4]; // slots of the sections of its size and detail to the east, west, north and south, or NO_NODE
     uint pad[4];    // a cache line
 };
-const uint NO_KEY = 0xFFFFFFFFu;
 
-bool is_section(uint top) { return (top & 1u) != 0u; }
+bool is_section(uint top) { return (top & TOP_SECTION) != 0u; }
 
 // Lavapipe compiles a program anew for the values of a uniform block that branches follow from, whenever the block is
 // bound: a pass that is not worth that, in every frame, defines FRAME_STORED.
@@ -104,40 +105,38 @@ layout(push_constant, scalar) uniform Push {
     uvec3 origin_fraction;
 } push;
 
-#define log_node(slot, word) log_load(frame.table, (slot) * 16u + uint(word))
+#define log_node(slot, word) log_load(frame.table, (slot) * NODE_WORDS + uint(word))
 #ifdef POOL_TEXELS
 uint beam_at(uint tile) { return imageLoad(beam_texels, int(tile)).r; }
-uint node_word(uint slot, int word) { return imageLoad(table_texels, int(slot * 16u) + word).r; }
-uvec2 node_key(uint slot) { return uvec2(node_word(slot, 0), node_word(slot, 1)); }
-uint node_top(uint slot) { return node_word(slot, 2); }
-uint node_meta(uint slot) { return node_word(slot, 3); }
-uvec2 node_pyramid(uint slot) { return uvec2(node_word(slot, 4), node_word(slot, 5)); }
-int node_base(uint slot) { return int(node_word(slot, 6)); }
-uint node_wide(uint slot) { return node_word(slot, 7); }
-uint node_beside(uint slot, uint side) { return node_word(slot, 8 + int(side)); }
+uint node_word(uint slot, uint word) { return imageLoad(table_texels, int(slot * NODE_WORDS) + int(word)).r; }
+uvec2 node_key(uint slot) { return uvec2(node_word(slot, NODE_KEY), node_word(slot, NODE_KEY + 1u)); }
+uint node_top(uint slot) { return node_word(slot, NODE_TOP); }
+uint node_meta(uint slot) { return node_word(slot, NODE_META); }
+uvec2 node_pyramid(uint slot) { return uvec2(node_word(slot, NODE_PYRAMID), node_word(slot, NODE_PYRAMID + 1u)); }
+int node_base(uint slot) { return int(node_word(slot, NODE_BASE)); }
+uint node_wide(uint slot) { return node_word(slot, NODE_WIDE); }
+uint node_beside(uint slot, uint side) { return node_word(slot, NODE_BESIDE + side); }
 #else
 uint beam_at(uint tile) { log_load(frame.beams, tile); return BEAM[tile]; }
-uvec2 node_key(uint slot) { log_node(slot, 0); return NODE[slot].key; }
-uint node_top(uint slot) { log_node(slot, 2); return NODE[slot].top; }
-uint node_meta(uint slot) { log_node(slot, 3); return NODE[slot].meta; }
-uvec2 node_pyramid(uint slot) { log_node(slot, 4); return NODE[slot].pyramid; }
-int node_base(uint slot) { log_node(slot, 6); return NODE[slot].base; }
-uint node_wide(uint slot) { log_node(slot, 7); return NODE[slot].wide; }
-uint node_beside(uint slot, uint side) { log_node(slot, 8u + side); return NODE[slot].beside[side]; }
+uvec2 node_key(uint slot) { log_node(slot, NODE_KEY); return NODE[slot].key; }
+uint node_top(uint slot) { log_node(slot, NODE_TOP); return NODE[slot].top; }
+uint node_meta(uint slot) { log_node(slot, NODE_META); return NODE[slot].meta; }
+uvec2 node_pyramid(uint slot) { log_node(slot, NODE_PYRAMID); return NODE[slot].pyramid; }
+int node_base(uint slot) { log_node(slot, NODE_BASE); return NODE[slot].base; }
+uint node_wide(uint slot) { log_node(slot, NODE_WIDE); return NODE[slot].wide; }
+uint node_beside(uint slot, uint side) { log_node(slot, NODE_BESIDE + side); return NODE[slot].beside[side]; }
 #endif
 
 // t beyond which a ray has left everything; an axis along which it does not move is crossed later than that.
 const float FAR = 1e15;
 
-const uint NO_NODE = 0xFFFFFFFFu;
-
 // Slot of the node `index` of `level`, or NO_NODE.
 uint find_node(uint level, ivec2 index) {
-    uint h = uint(index.x) * 0x9E3779B1u ^ uint(index.y) * 0x85EBCA77u ^ level * 0xC2B2AE3Du;
-    h = (h ^ h >> 15u) * 0x2C1B3C6Du;
+    uint h = uint(index.x) * HASH_EAST ^ uint(index.y) * HASH_NORTH ^ level * HASH_LEVEL;
+    h = (h ^ h >> HASH_SHIFT) * HASH_MIX;
     uint mask = frame.table_mask;
-    uvec2 key = uvec2(level << 26u | uint(index.x) & 0x3FFFFFFu, uint(index.y));
-    for (uint slot = (h ^ h >> 13u) & mask;; slot = (slot + 1u) & mask) {
+    uvec2 key = uvec2(level << KEY_LEVEL_SHIFT | uint(index.x) & KEY_INDEX_MASK, uint(index.y));
+    for (uint slot = (h ^ h >> HASH_LAST_SHIFT) & mask;; slot = (slot + 1u) & mask) {
         uvec2 there = node_key(slot);
         if (there == key) return slot;
         if (there.x == NO_KEY) return NO_NODE;
@@ -145,19 +144,13 @@ uint find_node(uint level, ivec2 index) {
 }
 
 // Level of the finest cells of the section in `slot`.
-int detail_of(uint slot) { return int(node_meta(slot) >> 16u); }
+int detail_of(uint slot) { return int(node_meta(slot) >> META_DETAIL_SHIFT); }
 
 // Index of the node in `slot`.
-ivec2 index_of(uint slot) { return ivec2(int(node_key(slot).x << 6u) >> 6, int(node_key(slot).y)); }
+ivec2 index_of(uint slot) { return ivec2(int(node_key(slot).x << 32u - KEY_LEVEL_SHIFT) >> 32u - KEY_LEVEL_SHIFT, int(node_key(slot).y)); }
 
 // A hit record: x is t (lengths from the ray's origin, as float bits), y the table slot or NO_NODE for a
 // miss, z the column (y << 8 | x) and the face << 16, w the column's top (lattice steps from the anchor, int bits).
-const uint FACE_TOP = 0u;
-const uint FACE_WEST = 1u; // the ray went through the column's west side, going east
-const uint FACE_EAST = 2u;
-const uint FACE_SOUTH = 3u;
-const uint FACE_NORTH = 4u;
-const uint FACE_INSIDE = 5u; // the eye is in the column
 
 struct Ray {
     ivec3 cell;    // integer part of the origin: cells, cells, origin_step lattice steps
@@ -175,7 +168,7 @@ void add(inout int integer, inout uint fraction, int other_int, uint other_fract
 }
 
 // Whether rows of groups are dealt out; otherwise groups have their own order.
-layout(constant_id = 5) const bool DEALT = true;
+layout(constant_id = ID_DEALT) const bool DEALT = true;
 
 // The tile of this thread, groups being so large. Rows of groups are dealt out, the even ones first: a driver that
 // gives each of its threads a stretch of a dispatch gives each as much of the sky as of the ground.
@@ -202,9 +195,6 @@ uvec2 dealt_pixel(uvec3 group) {
 uint beam_of(float s, int level) { return floatBitsToUint(max((s + frame.depth) * 0.9999998, 0.0)) & ~31u | uint(level); }
 float beam_depth(uint beam) { return uintBitsToFloat(beam & ~31u) - frame.depth; }
 int beam_level(uint beam) { return int(beam & 31u); }
-
-// Pixels of the side of a beam's tile.
-const uint TILE = 8u;
 
 // Adds n steps of `step_int:step_fraction`; |n| < 2^15.
 void step_on(inout int integer, inout uint fraction, int step_int, uint step_fraction, int n) {

@@ -5,9 +5,7 @@
 // and left out. The frame's constants are not counted.
 // Needs GL_EXT_buffer_reference, GL_EXT_buffer_reference_uvec2, GL_EXT_scalar_block_layout.
 #if defined(LOGGED)
-
-const uint LOG_WORDS = 512u;
-const uint LOG_STEP = 0xFFFFFFFFu;
+#include "passes.glsl"
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Log { uint log_words[]; };
 

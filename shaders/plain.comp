@@ -6,7 +6,7 @@
 #include "section.glsl"
 #include "frame.glsl"
 
-layout(local_size_x_id = 0, local_size_y_id = 1) in;
+layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 
 struct PlainNode {
     int top;
@@ -32,7 +32,7 @@ PlainNode plain_node(ivec2 cell, int level) {
 }
 
 uvec4 plain_hit(float t, PlainNode node, ivec2 cell, uint face) {
-    return uvec4(floatBitsToUint(t), node.slot, node.inner.y << SECTION_LOG2 | node.inner.x | face << 16u, uint(node.top));
+    return uvec4(floatBitsToUint(t), node.slot, node.inner.y << SECTION_LOG2 | node.inner.x | face << HIT_FACE_SHIFT, uint(node.top));
 }
 
 #include "plain.glsl"

@@ -6,7 +6,7 @@
 #include "section.glsl"
 #include "derive.glsl"
 
-layout(local_size_x = 256) in;
+layout(local_size_x = PYRAMID_THREADS) in;
 
 shared uint codes[1024];
 
@@ -15,7 +15,7 @@ void main() {
     uint lane = gl_LocalInvocationID.x;
 
     const uint first = upper_levels(IS_WIDE);
-    for (uint k = lane; k < 1024u; k += 256u) {
+    for (uint k = lane; k < 1024u; k += PYRAMID_THREADS) {
         uint below = upper_level(2u) + (k >> 5u) * 2u * 64u + (k & 31u) * 2u;
         uvec2 tops = max(load_two(derived, first, below), load_two(derived, first, below + 64u));
         codes[k] = max(tops.x, tops.y);
@@ -23,7 +23,7 @@ void main() {
     for (uint level = 3u; level <= 8u; level++) {
         uint side = SECTION_SIDE >> level;
         barrier();
-        for (uint k = lane * 2u; k < side * side; k += 512u)
+        for (uint k = lane * 2u; k < side * side; k += 2u * PYRAMID_THREADS)
             store_two(derived, first, upper_level(level) + k, uvec2(codes[k], side > 1u ? codes[k + 1u] : 0u));
         uint half_side = side / 2u;
         uint top = 0u;

@@ -1,10 +1,12 @@
 // Packs the sum of a picture's samples for the window: linear colours to sRGB bytes.
 // Reads colour sums; writes a word a pixel. One thread a pixel; y is the row.
 #version 460
+#extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_buffer_reference : require
 #extension GL_EXT_scalar_block_layout : require
+#include "passes.glsl"
 
-layout(local_size_x = 64) in;
+layout(local_size_x = SCREEN_THREADS) in;
 layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Sums { vec4 sums[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Words { uint words[]; };
 layout(push_constant, scalar) uniform Push {

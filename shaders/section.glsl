@@ -1,42 +1,33 @@
-// Where a column's things are in what is derived of a section (src/section.rs).
+// Where a column's things are in what is derived of a section: see the drawing in docs/from-file-to-pixel.md.
 // Needs pool.glsl.
-
-const uint SECTION_LOG2 = 8u;
-const uint SECTION_SIDE = 1u << SECTION_LOG2;
-// Attributes, first word: class << 24 | intensity << 8 | red. Second: green << 24 | blue << 16 | returns << 8 | flags.
-const uint FLAG_WITHHELD = 4u;
+#include "payload.glsl"
 
 // What is derived of a section: 64x64 blocks of 4x4 columns, row by row, then the pyramid's levels 2 to 8, row by row each.
-// A block is two cache lines: level 0 of the pyramid, level 1, a word of measured bits (in blocks of even index, for
-// themselves and the next, row by row); and what each column shows: class << 24 | red | green << 8 | blue << 16, or in
-// place of the colours intensity | returns << 16. (Where codes are wide: three lines.) So a ray that comes down to a
-// column waits for memory twice, whichever way it came.
-const uint BLOCK_LOG2 = 2u;
-const uint BLOCKS_LOG2 = SECTION_LOG2 - BLOCK_LOG2; // along a side of the section
-const uint LEVEL_1 = 16u; // first code of level 1 in a block
+// A block is two cache lines (where codes are wide, three): level 0 of the pyramid, level 1, measured bits; and what each
+// column shows. So a ray that comes down to a column waits for memory twice, whichever way it came.
 
-uint block_words(uint wide) { return 32u + 16u * wide; }
-uint measured_in_block(uint wide) { return 10u << wide; }
-uint shown_in_block(uint wide) { return 16u << wide; }
+uint block_words(uint wide) { return SHOWN + SHOWN_WORDS + SHOWN * wide; }
+uint measured_in_block(uint wide) { return MEASURED << wide; }
+uint shown_in_block(uint wide) { return SHOWN << wide; }
 
 // First word of the pyramid's levels from 2 on; and the first code, counted from there, of level `level`, 2 to 8.
-uint upper_levels(uint wide) { return block_words(wide) << 2u * BLOCKS_LOG2; }
-uint upper_level(uint level) { return (0x15554u & ~((1u << 18u - 2u * level) - 1u)) - 0x14000u; }
+uint upper_levels(uint wide) { return block_words(wide) << 2u * DERIVED_BLOCKS_LOG2; }
+uint upper_level(uint level) { return (CODES_BELOW_TOP & ~((1u << 2u * (SECTION_LOG2 + 1u) - 2u * level) - 1u)) - CODES_BELOW_UPPER; }
 
 // The block that a column is in, and the column in it.
-uint block_of(uvec2 column) { return (column.y >> BLOCK_LOG2) << BLOCKS_LOG2 | column.x >> BLOCK_LOG2; }
-uint in_block(uvec2 column) { return (column.y & 3u) << BLOCK_LOG2 | column.x & 3u; }
+uint block_of(uvec2 column) { return (column.y >> DERIVED_BLOCK_LOG2) << DERIVED_BLOCKS_LOG2 | column.x >> DERIVED_BLOCK_LOG2; }
+uint in_block(uvec2 column) { return (column.y & 3u) << DERIVED_BLOCK_LOG2 | column.x & 3u; }
 
 // Code of `node` of pyramid level `level`: two a word, or one where they are wide.
 uint pyramid_code(uvec2 place, uint level, uvec2 node, uint wide) {
     bool upper = level > 1u;
-    uint log2_side = (upper ? SECTION_LOG2 : BLOCK_LOG2) - level;
+    uint log2_side = (upper ? SECTION_LOG2 : DERIVED_BLOCK_LOG2) - level;
     // Above the blocks there is only the first.
     uvec2 block = node >> log2_side, inner = node & (1u << log2_side) - 1u;
     uint code = (upper ? upper_level(level) : level * LEVEL_1) + (inner.y << log2_side | inner.x);
-    uint first = upper ? upper_levels(wide) : (block.y << BLOCKS_LOG2 | block.x) * block_words(wide);
+    uint first = upper ? upper_levels(wide) : (block.y << DERIVED_BLOCKS_LOG2 | block.x) * block_words(wide);
     uint word = pool_load(place, first + (code >> 1u - wide));
-    return wide != 0u ? word : word >> (code & 1u) * 16u & 0xFFFFu;
+    return wide != 0u ? word : word >> (code & 1u) * 16u & MOST_NARROW_CODE;
 }
 
 // What `column` shows.

@@ -11,7 +11,7 @@
 #include "frame.glsl"
 #include "color.glsl"
 
-layout(local_size_x_id = 0, local_size_y_id = 1) in;
+layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 
 // The node of a section that the last look-up was in: neighbours are nearly always in the same one.
 struct Here {
@@ -113,18 +113,18 @@ void main() {
 
     // Columns are solid without end: below the floor a lit picture shows what is behind their sides.
     float z = fma(uintBitsToFloat(hit.x), ray.step.z, origin_height(ray));
-    if ((hit.z >> 16u & 7u) == FACE_TOP) z = float(int(hit.w));
+    if ((hit.z >> HIT_FACE_SHIFT & HIT_FACE_MASK) == FACE_TOP) z = float(int(hit.w));
     else if (z < frame.floor) hit.y = NO_NODE;
 
     vec4 color = vec4(0.0);
-    uint bits = 256u; // class 256: a miss
+    uint bits = BITS_MISS;
     if (hit.y == NO_NODE) {
         color = background(ray.world);
     } else {
         uint meta = node_meta(hit.y);
-        int detail = int(meta >> 16u), level = int(meta & 0xFFFFu);
-        uvec2 inner = uvec2(hit.z & 0xFFu, hit.z >> 8u & 0xFFu);
-        uint face = hit.z >> 16u & 7u;
+        int detail = int(meta >> META_DETAIL_SHIFT), level = int(meta & META_LEVEL_MASK);
+        uvec2 inner = uvec2(hit.z & SECTION_SIDE - 1u, hit.z >> SECTION_LOG2 & SECTION_SIDE - 1u);
+        uint face = hit.z >> HIT_FACE_SHIFT & HIT_FACE_MASK;
         ivec2 column = (index_of(hit.y) >> detail + int(SECTION_LOG2) - level) * int(SECTION_SIDE) + ivec2(inner);
         // A column larger than its node is alone.
         Here here = Here(level > detail ? index_of(hit.y) : column, hit.y, max(level, detail), detail, 0);
@@ -135,7 +135,7 @@ void main() {
         color = vec4(albedo, 1.0);
         bits = bits_of(shows, hit.y, inner, face);
 
-        if (frame.shade == 1u) {
+        if (frame.shade == SHADE_LIT) {
             float cell_steps = frame.cell_steps * float(1 << detail);
             vec2 outward = vec2(0.0);
             vec3 normal;
@@ -156,7 +156,7 @@ void main() {
             float bounce = 0.10 * (1.0 - 0.6 * normal.z);
             vec3 light = sunlight + skylight * 0.62 + bounce;
             // Photographs hold light already.
-            if (frame.color_source == 0u) light = mix(vec3(1.2), light, 0.8);
+            if (frame.color_source == COLOR_RGB) light = mix(vec3(1.2), light, 0.8);
             color.rgb = albedo * light;
         }
     }
@@ -164,5 +164,5 @@ void main() {
     vec4 sum = color * push.sample_weight;
     if (push.sample_index > 0u) sum += COLOR[at];
     COLOR[at] = sum;
-    HIT[at] = uvec4(hit.x, bits, hit.z >> 19u, hit.w);
+    HIT[at] = uvec4(hit.x, bits, hit.z >> HIT_STEPS_SHIFT, hit.w);
 }

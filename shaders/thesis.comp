@@ -8,7 +8,7 @@
 #include "section.glsl"
 #include "frame.glsl"
 
-layout(local_size_x_id = 0, local_size_y_id = 1) in;
+layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Heights { float h[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer ColorMap { uint rgba[]; };

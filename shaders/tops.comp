@@ -7,9 +7,9 @@
 #include "section.glsl"
 #include "derive.glsl"
 
-layout(local_size_x = 64) in;
-layout(constant_id = 1) const bool ALL = false;    // every run of the sections is shown
-layout(constant_id = 2) const bool BRIDGE = false; // bridge.comp follows
+layout(local_size_x = DERIVE_THREADS) in;
+layout(constant_id = ID_ALL) const bool ALL = false;    // every run of the sections is shown
+layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follows
 
 uvec2 place, derived;
 uint base; // lattice height of code 0
@@ -22,7 +22,7 @@ bool show_withheld;
 uvec3 run_at(uint at) { return uvec3(pool_load(place, at), pool_load(place, at + 1u), pool_load(place, at + 2u)); }
 
 bool shown(uvec3 run) {
-    uint class_ = run.y >> 24u;
+    uint class_ = run.y >> RUN_CLASS_SHIFT;
     uvec4 some = class_ < 128u ? visible_low : visible_high;
     uvec2 pair = (class_ & 64u) == 0u ? some.xy : some.zw;
     uint word = (class_ & 32u) == 0u ? pair.x : pair.y;
@@ -31,22 +31,23 @@ bool shown(uvec3 run) {
 
 // Stores what the next column shows, gives its top's code; `others` is how many further runs it has.
 uint next_column(uint others, uint to) {
-    uvec3 top = run_at(block + 3u * column++);
+    uvec3 top = run_at(block + RUN_WORDS * column++);
     if (!ALL) {
-        uint end = other + 3u * others;
+        uint end = other + RUN_WORDS * others;
         while (top.x != 0u && !shown(top)) {
             top = other < end ? run_at(other) : uvec3(0u);
-            other += 3u;
+            other += RUN_WORDS;
         }
         other = end;
     }
     bool any = top.x != 0u;
     measured = measured >> 1u | (any ? 0x80000000u : 0u);
-    uint shows = top.y & 0xFF000000u;
-    shows |= values ? top.y >> 8u & 0xFFFFu | (top.z >> 8u & 0xFFu) << 16u
-                    : top.y & 0xFFu | top.z >> 24u << 8u | top.z & 0xFF0000u;
+    uint shows = top.y >> RUN_CLASS_SHIFT << SHOWN_CLASS_SHIFT;
+    shows |= values ? top.y >> RUN_INTENSITY_SHIFT & 0xFFFFu | (top.z >> RUN_RETURNS_SHIFT & 0xFFu) << SHOWN_RETURNS_SHIFT
+                    : top.y & 0xFFu | top.z >> RUN_GREEN_SHIFT << SHOWN_GREEN_SHIFT
+                      | (top.z >> RUN_BLUE_SHIFT & 0xFFu) << SHOWN_BLUE_SHIFT;
     pool_store(derived, to, shows);
-    return any ? (top.x ^ 0x80000000u) - base : 0u;
+    return any ? (top.x ^ HEIGHT_SIGN) - base : 0u;
 }
 
 void main() {
@@ -80,7 +81,7 @@ void main() {
         }
         before = pool_load(place, PLACES + (half_block | 1u)) + (pairs & 0xFFFFu) + (pairs >> 16u);
     }
-    other = section.w + 3u * before;
+    other = section.w + RUN_WORDS * before;
     // Two at a time, of one word where codes are narrow.
     for (uint two = 0u; two < 16u; two++) {
         uint first = west + (two >> 1u & 1u) * block_words(IS_WIDE), inner = (two >> 2u) * 4u + (two & 1u) * 2u;

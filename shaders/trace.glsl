@@ -209,7 +209,7 @@ Hit trace(Ray ray, float start, int level) {
 }
 
 // Whether rays start behind beams, or at the eye.
-layout(constant_id = 6) const bool BEAMED = true;
+layout(constant_id = ID_BEAMED) const bool BEAMED = true;
 
 // The hit of a pixel of the band behind the beam of its tile.
 Hit trace_pixel(uvec2 pixel, Ray ray) {

@@ -18,6 +18,7 @@ pub mod render;
 pub mod resident;
 pub mod sample;
 pub mod section;
+pub mod shared;
 pub mod source;
 pub mod stop;
 pub mod synth;

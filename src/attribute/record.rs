@@ -1,6 +1,10 @@
 //! Attributes of a point record, and how they are packed.
 
 use crate::coords::Height;
+use crate::shared::payload::{
+    HEIGHT_SIGN, RUN_BLUE_SHIFT, RUN_CLASS_SHIFT, RUN_GREEN_SHIFT, RUN_INTENSITY_SHIFT, RUN_RETURNS_SHIFT,
+    RUN_WORDS,
+};
 use bytemuck::{Pod, Zeroable};
 
 /// What a column keeps of the point that won it. The order of the fields is the order in which points
@@ -31,7 +35,7 @@ pub struct Attributes {
 /// | 2 | green | blue | returns | flags |
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(transparent)]
-pub struct Record(pub [u32; 3]);
+pub struct Record(pub [u32; RUN_WORDS as usize]);
 
 impl Record {
     /// No point: below every other record.
@@ -40,11 +44,12 @@ impl Record {
     /// Packs `a`.
     #[inline]
     pub fn pack(a: Attributes) -> Record {
-        let [r, g, b] = a.rgb;
+        let [r, g, b] = a.rgb.map(u32::from);
+        let [class, returns, flags] = [a.class, a.returns, a.flags].map(u32::from);
         Record([
             bias(a.height),
-            u32::from(a.class) << 24 | u32::from(a.intensity) << 8 | u32::from(r),
-            u32::from_be_bytes([g, b, a.returns, a.flags]),
+            class << RUN_CLASS_SHIFT | u32::from(a.intensity) << RUN_INTENSITY_SHIFT | r,
+            g << RUN_GREEN_SHIFT | b << RUN_BLUE_SHIFT | returns << RUN_RETURNS_SHIFT | flags,
         ])
     }
 
@@ -52,14 +57,14 @@ impl Record {
     #[inline]
     pub fn unpack(self) -> Option<Attributes> {
         let height = self.height()?;
-        let [w1, w2] = [self.0[1].to_be_bytes(), self.0[2].to_be_bytes()];
+        let [_, w1, w2] = self.0;
         Some(Attributes {
             height,
-            class: w1[0],
-            intensity: u16::from_be_bytes([w1[1], w1[2]]),
-            rgb: [w1[3], w2[0], w2[1]],
-            returns: w2[2],
-            flags: w2[3],
+            class: self.class(),
+            intensity: (w1 >> RUN_INTENSITY_SHIFT) as u16,
+            rgb: [w1, w2 >> RUN_GREEN_SHIFT, w2 >> RUN_BLUE_SHIFT].map(|word| word as u8),
+            returns: (w2 >> RUN_RETURNS_SHIFT) as u8,
+            flags: self.flags(),
         })
     }
 
@@ -78,7 +83,7 @@ impl Record {
     /// ASPRS class.
     #[inline]
     pub fn class(self) -> u8 {
-        (self.0[1] >> 24) as u8
+        (self.0[1] >> RUN_CLASS_SHIFT) as u8
     }
 
     /// Class flags, [`crate::source::FLAG_WITHHELD`] and its neighbours.
@@ -91,13 +96,13 @@ impl Record {
 /// Height as an unsigned number of the same order; 0 is left free, since `Height` is never `i32::MIN`.
 #[inline]
 pub(crate) fn bias(height: Height) -> u32 {
-    height.0 as u32 ^ 0x8000_0000
+    height.0 as u32 ^ HEIGHT_SIGN
 }
 
 /// The height of [`bias`].
 #[inline]
 pub(crate) fn unbias(word: u32) -> Height {
-    Height((word ^ 0x8000_0000) as i32)
+    Height((word ^ HEIGHT_SIGN) as i32)
 }
 
 #[cfg(test)]

@@ -1,9 +1,11 @@
 //! Cells, and the sections of the quadtree that they lie in.
 
+use crate::shared::payload;
+
 /// log2 of a section's side in cells.
-pub const SECTION_LOG2: u32 = 8;
+pub const SECTION_LOG2: u32 = payload::SECTION_LOG2;
 /// A section's side in cells.
-pub const SECTION_SIDE: u32 = 1 << SECTION_LOG2;
+pub const SECTION_SIDE: u32 = payload::SECTION_SIDE;
 /// Columns in a section.
 pub const SECTION_COLUMNS: usize = (SECTION_SIDE * SECTION_SIDE) as usize;
 

@@ -4,6 +4,7 @@ use crate::attribute::linear_to_srgb;
 use crate::coords::Grid;
 use crate::output::{Output, SOFTWARE};
 use crate::render::camera::Camera;
+use crate::shared::passes::BITS_MISS;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Layer, LayerAttributes, Text,
     WritableImage,
@@ -14,7 +15,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 /// Class of a pixel that hit nothing.
-pub const MISS_CLASS: u32 = 256;
+pub const MISS_CLASS: u32 = BITS_MISS;
 
 /// What cannot be written, and why.
 #[derive(Debug, thiserror::Error)]

@@ -8,16 +8,17 @@ use crate::gpu::{
 };
 use crate::resident::scene::Scene;
 use crate::resident::table::Table;
+use crate::shared::passes::{BITS_CLASS_MASK, SCREEN_THREADS, WIDE_TILE};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use std::sync::Arc;
 
 /// Threads of a workgroup of `shaders/screen.comp`.
-const GROUP: u32 = 64;
+const GROUP: u32 = SCREEN_THREADS;
 /// Bytes of a hit record.
 const HIT_BYTES: u64 = size_of::<HitRecord>() as u64;
 /// Bands start at multiples of this many rows, the side of the widest beams.
-const ROWS: u32 = 64;
+const ROWS: u32 = WIDE_TILE;
 
 /// Mirrors the push constants of `shaders/screen.comp`.
 #[repr(C)]
@@ -282,7 +283,7 @@ impl Screen {
             let (Some(asked), Some(back)) = (slot.asked.take(), &slot.back) else { continue };
             let mut hit = HitRecord::zeroed();
             scene.order.read(point, back, 0, bytemuck::bytes_of_mut(&mut hit))?;
-            let class = u8::try_from(hit.bits & 0x1FF).ok();
+            let class = u8::try_from(hit.bits & BITS_CLASS_MASK).ok();
             let found = class.map(|class| {
                 let (shown, height) = renderer.point_of(&asked.rays, &hit, asked.pixel);
                 PickedPoint { shown, height, class }

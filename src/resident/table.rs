@@ -6,8 +6,14 @@
 
 use crate::coords::{Height, SECTION_LOG2, SectionKey};
 use crate::section::HeightCode;
+use crate::shared::node::{
+    HASH_EAST, HASH_LAST_SHIFT, HASH_LEVEL, HASH_MIX, HASH_NORTH, HASH_SHIFT, KEY_INDEX_MASK,
+    KEY_LEVEL_SHIFT, META_DETAIL_SHIFT, NO_KEY, NO_NODE, NODE_BASE, NODE_BESIDE, NODE_KEY, NODE_META,
+    NODE_PYRAMID, NODE_TOP, NODE_WIDE, NODE_WORDS, TOP_SECTION,
+};
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
+use std::mem::offset_of;
 
 /// One slot. `shaders/frame.glsl` has the same struct.
 #[repr(C)]
@@ -32,31 +38,45 @@ pub struct Node {
     pub pad: [u32; 4],
 }
 
-const _: () = assert!(size_of::<Node>() == 64);
-
-/// In `top`.
-const SECTION: u32 = 1;
+const _: () = {
+    let words = [NODE_KEY, NODE_TOP, NODE_META, NODE_PYRAMID, NODE_BASE, NODE_WIDE, NODE_BESIDE, NODE_WORDS];
+    let bytes = [
+        offset_of!(Node, key),
+        offset_of!(Node, top),
+        offset_of!(Node, meta),
+        offset_of!(Node, pyramid),
+        offset_of!(Node, base),
+        offset_of!(Node, wide),
+        offset_of!(Node, beside),
+        size_of::<Node>(),
+    ];
+    let mut k = 0;
+    while k < words.len() {
+        assert!(bytes[k] == 4 * words[k] as usize);
+        k += 1;
+    }
+};
 
 /// The f32 at or above `top` whose last bit is `section`.
 fn marked(top: f32, section: u32) -> u32 {
-    if top.to_bits() & 1 == section { top.to_bits() } else { top.next_up().to_bits() }
+    if top.to_bits() & TOP_SECTION == section { top.to_bits() } else { top.next_up().to_bits() }
 }
 
 /// The slot of no node.
 const UNUSED: Node = Node {
-    key: [u32::MAX; 2],
+    key: [NO_KEY; 2],
     top: 0,
     meta: 0,
     pyramid: [0; 2],
     base: 0,
     wide: 0,
-    beside: [u32::MAX; 4],
+    beside: [NO_NODE; 4],
     pad: [0; 4],
 };
 
 /// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
 fn key(level: u32, index: [i32; 2]) -> [u32; 2] {
-    [level << 26 | index[0] as u32 & 0x3FF_FFFF, index[1] as u32]
+    [level << KEY_LEVEL_SHIFT | index[0] as u32 & KEY_INDEX_MASK, index[1] as u32]
 }
 
 /// A section that is to be named in a table.
@@ -97,11 +117,11 @@ pub fn steps_above(height: Height, anchor: Height) -> f32 {
 }
 
 fn hash(level: u32, index: [i32; 2]) -> u32 {
-    let h = (index[0] as u32).wrapping_mul(0x9E37_79B1)
-        ^ (index[1] as u32).wrapping_mul(0x85EB_CA77)
-        ^ level.wrapping_mul(0xC2B2_AE3D);
-    let h = (h ^ h >> 15).wrapping_mul(0x2C1B_3C6D);
-    h ^ h >> 13
+    let h = (index[0] as u32).wrapping_mul(HASH_EAST)
+        ^ (index[1] as u32).wrapping_mul(HASH_NORTH)
+        ^ level.wrapping_mul(HASH_LEVEL);
+    let h = (h ^ h >> HASH_SHIFT).wrapping_mul(HASH_MIX);
+    h ^ h >> HASH_LAST_SHIFT
 }
 
 impl Default for Table {
@@ -143,8 +163,8 @@ impl Table {
             let top = steps_above(e.top, anchor);
             let node = Node {
                 key: key(level, index),
-                meta: level | u32::from(e.detail) << 16,
-                top: marked(top, SECTION),
+                meta: level | u32::from(e.detail) << META_DETAIL_SHIFT,
+                top: marked(top, TOP_SECTION),
                 pyramid: e.pyramid,
                 base: e.code.base.wrapping_sub(anchor.0),
                 wide: u32::from(e.code.wide),
@@ -160,7 +180,7 @@ impl Table {
                     top: marked(top, 0),
                     ..UNUSED
                 });
-                assert!(node.top & SECTION == 0, "{:?} lies under a coarser section", e.key);
+                assert!(node.top & TOP_SECTION == 0, "{:?} lies under a coarser section", e.key);
                 node.top = marked(f32::from_bits(node.top).max(top), 0);
             }
         }
@@ -178,14 +198,14 @@ impl Table {
                 slot = (slot + 1) & (size - 1);
             }
             slots[slot] = node;
-            if node.top & SECTION != 0 {
+            if node.top & TOP_SECTION != 0 {
                 slot_of.insert((level, index), slot);
             }
         }
         for (&(level, [i, j]), &slot) in &slot_of {
             let beside = [[i + 1, j], [i - 1, j], [i, j + 1], [i, j - 1]].map(|at| {
                 let as_fine = |&&s: &&usize| slots[s].meta == slots[slot].meta;
-                slot_of.get(&(level, at)).filter(as_fine).map_or(u32::MAX, |&s| s as u32)
+                slot_of.get(&(level, at)).filter(as_fine).map_or(NO_NODE, |&s| s as u32)
             });
             slots[slot].beside = beside;
         }
@@ -254,10 +274,10 @@ mod tests {
         let table = Table::build(&entries, Height(50));
         for e in &entries {
             let node = find(&table, 8, [e.key.i, e.key.j]).unwrap();
-            assert_eq!((node.pyramid, node.top & SECTION), (e.pyramid, SECTION));
+            assert_eq!((node.pyramid, node.top & TOP_SECTION), (e.pyramid, TOP_SECTION));
             for level in 9..=table.top_level {
                 let above = find(&table, level, [e.key.i >> (level - 8), e.key.j >> (level - 8)]).unwrap();
-                assert!(f32::from_bits(above.top) >= (e.top.0 - 50) as f32 && above.top & SECTION == 0);
+                assert!(f32::from_bits(above.top) >= (e.top.0 - 50) as f32 && above.top & TOP_SECTION == 0);
             }
             for axis in 0..2 {
                 let cell = [e.key.i, e.key.j][axis] * 256;

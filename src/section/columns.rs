@@ -6,7 +6,7 @@
 
 use super::layout::{
     BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_BLOCK, HEADER_WORDS, HeightCode, Layout, MOST_OTHERS,
-    SECTION_BLOCKS, column_at, column_index,
+    PLACE_WORDS, RUN_WORDS, SECTION_BLOCKS, column_at, column_index,
 };
 use super::payload::{HighestOf, Payload};
 use crate::attribute::{Record, unbias};
@@ -310,18 +310,18 @@ impl Columns {
     pub fn pack_with(&self, words: &mut [u32], copy: impl Fn(&mut [u32], &[u32])) -> HighestOf {
         let layout = self.layout();
         let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
-        let (places, rest) = rest.split_at_mut(2 * SECTION_BLOCKS);
+        let (places, rest) = rest.split_at_mut(PLACE_WORDS * SECTION_BLOCKS);
         let (records, rest) = rest.split_at_mut(layout.blocks as usize * BLOCK_WORDS);
         let (counts, others) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
         header.copy_from_slice(&layout.header());
         let (first, heads, of_columns) = self.pages.planes();
         let mut rest_of_records = records;
         let mut rest_of_counts = bytemuck::cast_slice_mut::<u32, u8>(counts);
-        let mut others = others.as_chunks_mut::<3>().0.iter_mut();
+        let mut others = others.as_chunks_mut::<RUN_WORDS>().0.iter_mut();
         let mut sorted = Vec::new();
         let (mut at, mut written) = (FIRST_BLOCK, 0);
         let mut put = |record: Record| *others.next().expect("as many as are counted") = record.0;
-        let places = places.as_chunks_mut::<2>().0;
+        let places = places.as_chunks_mut::<PLACE_WORDS>().0;
         let mut b = 0;
         while b < SECTION_BLOCKS {
             let end = self.end_of_occupied(b);

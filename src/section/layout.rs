@@ -1,18 +1,13 @@
 //! What a section is, word for word: what is uploaded of it, and what the device derives from that.
 
-use crate::coords::{SECTION_COLUMNS, SECTION_LOG2, SECTION_SIDE};
-
-/// log2 of a block's side in columns.
-pub(super) const BLOCK_LOG2: u32 = 3;
+use crate::shared::payload::{self, BLOCK_LOG2, BLOCKS_SIDE, SECTION_LOG2};
+pub(super) use crate::shared::payload::{FIRST_BLOCK, HEADER_WORDS};
 
 /// Columns in a block.
-pub(super) const BLOCK_COLUMNS: usize = 1 << (2 * BLOCK_LOG2);
+pub(super) const BLOCK_COLUMNS: usize = payload::BLOCK_COLUMNS as usize;
 
 /// Blocks in a section.
-pub const SECTION_BLOCKS: usize = SECTION_COLUMNS / BLOCK_COLUMNS;
-
-/// Blocks on a section's side.
-pub(super) const BLOCKS_SIDE: u32 = SECTION_SIDE >> BLOCK_LOG2;
+pub const SECTION_BLOCKS: usize = payload::SECTION_BLOCKS as usize;
 
 /// Index in block order (block · 64 + column in it) of the column at (x, y), both 0..256, counted from the south-west.
 #[inline]
@@ -33,7 +28,7 @@ pub fn column_at(index: u16) -> [u32; 2] {
 }
 
 /// Most runs of a column besides the highest on the device (their count is one byte). The highest are kept.
-pub(super) const MOST_OTHERS: u8 = 254;
+pub(super) const MOST_OTHERS: u8 = payload::MOST_OTHERS as u8;
 
 /// How a section's derived part stores heights: `code = h - base`, never 0 (0 says "no point"). Every height is kept
 /// to the last lattice step, so what is seen does not depend on which section a column is in.
@@ -48,7 +43,7 @@ pub struct HeightCode {
 impl HeightCode {
     /// 16 bits if lowest..=highest, 64 units of relief, fit them.
     pub(super) fn fit(lowest: i32, highest: i32) -> HeightCode {
-        let spare = 0xFFFE - (i64::from(highest) - i64::from(lowest));
+        let spare = i64::from(payload::MOST_NARROW_CODE) - 1 - (i64::from(highest) - i64::from(lowest));
         // What is left goes to both sides: a bridge may lead to a neighbour that lies lower or higher.
         let base = i64::from(lowest) - 1 - spare.max(0) / 2;
         // `lowest` is above i32::MIN, which no height takes.
@@ -66,26 +61,23 @@ impl HeightCode {
     }
 }
 
-/// Kind of payload: columns of runs. Others follow (stacks, points, walls).
-const KIND_COLUMNS: u32 = 1;
-
-/// Words of a payload's header: kind, words in all, code, base, blocks that are there, where counts and further runs start.
-pub(super) const HEADER_WORDS: u32 = 16;
-
-/// Words of a block: three for the highest run of each column ([`Record`]; empty where the column is).
-pub(super) const BLOCK_WORDS: usize = 3 * BLOCK_COLUMNS;
+/// Words of a block: a run, the highest of each column (empty where the column is).
+pub(super) const BLOCK_WORDS: usize = payload::BLOCK_WORDS as usize;
 
 /// Words for how many other runs each column of a block has: a byte each.
-pub(super) const COUNT_WORDS: usize = BLOCK_COLUMNS / 4;
+pub(super) const COUNT_WORDS: usize = payload::COUNT_WORDS as usize;
 
-/// Where the first block starts.
-pub(super) const FIRST_BLOCK: u32 = HEADER_WORDS + 2 * SECTION_BLOCKS as u32;
+/// Words of a block's place.
+pub(super) const PLACE_WORDS: usize = payload::PLACE_WORDS as usize;
 
-/// Where each part of what is uploaded of a section starts, in words from its start. `shaders/derive.glsl` has the
-/// same.
+/// Words of a run.
+pub(super) const RUN_WORDS: usize = payload::RUN_WORDS as usize;
+
+/// Where each part of what is uploaded of a section starts, in words from its start. The table of
+/// [`crate::shared::payload`] is drawn in `docs/from-file-to-pixel.md`.
 ///
 /// The header; two words for each of the 1,024 blocks, where it starts (0: it holds nothing) and how many further runs
-/// those before it have; the blocks; their counts, in the same order; the further runs, three words each ([`Record`]), highest first, column by column
+/// those before it have; the blocks; their counts, in the same order; the further runs, highest first, column by column
 /// in block order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
@@ -103,16 +95,26 @@ pub struct Layout {
 
 impl Layout {
     pub(super) fn new(blocks: u32, further_runs: u32, code: HeightCode) -> Layout {
-        let counts = FIRST_BLOCK + blocks * BLOCK_WORDS as u32;
-        let others = counts + blocks * COUNT_WORDS as u32;
-        Layout { code, blocks, counts, others, words: others + 3 * further_runs }
+        let counts = FIRST_BLOCK + blocks * payload::BLOCK_WORDS;
+        let others = counts + blocks * payload::COUNT_WORDS;
+        Layout { code, blocks, counts, others, words: others + payload::RUN_WORDS * further_runs }
     }
 
     pub(super) fn header(&self) -> [u32; HEADER_WORDS as usize] {
-        let code = u32::from(self.code.wide) << 8 | SECTION_LOG2 << 16;
+        let code =
+            u32::from(self.code.wide) << payload::CODE_WIDE_SHIFT | SECTION_LOG2 << payload::CODE_LOG2_SHIFT;
         let mut header = [0; HEADER_WORDS as usize];
-        header[..4].copy_from_slice(&[KIND_COLUMNS, self.words, code, self.code.base as u32]);
-        header[4..7].copy_from_slice(&[self.blocks, self.counts, self.others]);
+        for (word, value) in [
+            (payload::HEADER_KIND, payload::KIND_COLUMNS),
+            (payload::HEADER_ALL, self.words),
+            (payload::HEADER_CODE, code),
+            (payload::HEADER_BASE, self.code.base as u32),
+            (payload::HEADER_BLOCKS, self.blocks),
+            (payload::HEADER_COUNTS, self.counts),
+            (payload::HEADER_OTHERS, self.others),
+        ] {
+            header[word as usize] = value;
+        }
         header
     }
 
@@ -128,7 +130,8 @@ impl Layout {
 }
 
 /// Where what is derived of a section lies, in a place of its own: 64×64 blocks of 4×4 columns, row by row, then levels
-/// 2 to 8 of the maximum pyramid, row by row each; 16 or 32 bits a code. `shaders/section.glsl` has the same.
+/// 2 to 8 of the maximum pyramid, row by row each; 16 or 32 bits a code. The table of [`crate::shared::payload`] is drawn in
+/// `docs/from-file-to-pixel.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Derived {
     /// Codes take 32 bits.
@@ -137,21 +140,21 @@ pub struct Derived {
 
 impl Derived {
     /// Blocks on a side.
-    pub const SIDE: u32 = SECTION_SIDE / 4;
+    pub const SIDE: u32 = 1 << payload::DERIVED_BLOCKS_LOG2;
 
     /// Words of a block: its level 0 of the pyramid, row by row, from word 0 on; level 1 behind it.
     pub fn block_words(self) -> u32 {
-        if self.wide { 48 } else { 32 }
+        self.shown() + payload::SHOWN_WORDS
     }
 
     /// In blocks of even index: which columns of this and the next are measured, a bit each, row by row over both.
     pub fn measured(self) -> u32 {
-        if self.wide { 20 } else { 10 }
+        payload::MEASURED << u32::from(self.wide)
     }
 
     /// What each column of the block shows: class, and colour or values, a word each, row by row.
     pub fn shown(self) -> u32 {
-        if self.wide { 32 } else { 16 }
+        payload::SHOWN << u32::from(self.wide)
     }
 
     /// First word of the pyramid's levels from 2 on.
@@ -161,9 +164,8 @@ impl Derived {
 
     /// All bytes.
     pub fn bytes(self) -> u64 {
-        // Codes of levels 2 to 8, and one to make them even.
-        const UPPER: u64 = 5462;
-        4 * u64::from(self.upper_levels()) + UPPER * if self.wide { 4 } else { 2 }
+        let code_bytes = if self.wide { 4 } else { 2 };
+        4 * u64::from(self.upper_levels()) + u64::from(payload::UPPER_CODES) * code_bytes
     }
 }
 

@@ -1,6 +1,8 @@
 //! A payload: what is uploaded of a section as a whole, and what it is of that section.
 
-use super::layout::{BLOCK_COLUMNS, BLOCK_WORDS, FIRST_BLOCK, HEADER_WORDS, Layout, SECTION_BLOCKS};
+use super::layout::{
+    BLOCK_COLUMNS, BLOCK_WORDS, FIRST_BLOCK, HEADER_WORDS, Layout, PLACE_WORDS, SECTION_BLOCKS,
+};
 use super::slot::slot_bytes;
 use crate::attribute::Record;
 use crate::coords::{Height, SectionKey};
@@ -73,7 +75,7 @@ impl Payload {
     pub fn columns(&self, mut each: impl FnMut(u16, &[Record])) {
         let (before, further) = self.words.split_at(self.layout.others as usize);
         let (before, counts) = before.split_at(self.layout.counts as usize);
-        let (places, blocks) = before[HEADER_WORDS as usize..].split_at(2 * SECTION_BLOCKS);
+        let (places, blocks) = before[HEADER_WORDS as usize..].split_at(PLACE_WORDS * SECTION_BLOCKS);
         let further: &[Record] = bytemuck::cast_slice(further);
         let counts: &[[u8; BLOCK_COLUMNS]] = bytemuck::cast_slice(counts);
         let blocks: &[[Record; BLOCK_COLUMNS]] = bytemuck::cast_slice(blocks);

@@ -43,6 +43,6 @@ pub const FLAG_SYNTHETIC: u8 = 1;
 /// Class flag: model key-point.
 pub const FLAG_KEY_POINT: u8 = 2;
 /// Class flag: withheld, i.e. deleted.
-pub const FLAG_WITHHELD: u8 = 4;
+pub const FLAG_WITHHELD: u8 = crate::shared::payload::FLAG_WITHHELD as u8;
 /// Class flag: in the overlap of two flight lines (formats 6-10).
 pub const FLAG_OVERLAP: u8 = 8;

@@ -1,0 +1,420 @@
+//! The table of the constants that Rust and the shaders share: where things lie in payloads and table nodes, and what
+//! passes agree upon. `build.rs` writes it as Rust (`src/shared.rs`), as an include for GLSL a group, and as the drawing
+//! of a payload in `docs/from-file-to-pixel.md`.
+//!
+//! Words are 32 bits, counted from the start of what they are of. A narrow code of a height is half a word, a wide one
+//! a word.
+
+use std::fmt::Write as _;
+
+/// One line of the table.
+pub struct Constant {
+    name: &'static str,
+    value: u32,
+    docs: &'static [&'static str],
+}
+
+/// A group of the table: its constants, and `ALL` of them as lines.
+macro_rules! group {
+    ($group:ident: $($(#[doc = $doc:literal])* $name:ident = $value:expr;)*) => {
+        mod $group {
+            use super::Constant;
+            #[allow(unused_imports)] // a group may need none of what came before
+            use super::above::*;
+            $(pub const $name: u32 = $value;)*
+            pub const ALL: &[Constant] =
+                &[$(Constant { name: stringify!($name), value: $name, docs: &[$($doc),*] }),*];
+        }
+    };
+}
+
+/// What values below are computed from.
+mod above {
+    pub const fn codes_of_levels(first: u32, last: u32) -> u32 {
+        let (mut level, mut codes) = (first, 0);
+        while level <= last {
+            codes += 1 << (2 * (super::payload::SECTION_LOG2 - level));
+            level += 1;
+        }
+        codes
+    }
+}
+
+group! { payload:
+    /// log2 of a section's side in columns.
+    SECTION_LOG2 = 8;
+    /// A section's side in columns.
+    SECTION_SIDE = 1 << SECTION_LOG2;
+
+    /// Words of a run: the record of a column's best point of one class.
+    RUN_WORDS = 3;
+    /// Bit of a run's first word, its height, that is turned: heights compare as unsigned numbers, and 0 is no point.
+    HEIGHT_SIGN = 0x8000_0000;
+    /// Second word of a run: its class is the highest byte.
+    RUN_CLASS_SHIFT = 24;
+    /// Its intensity, 16 bits; red is the lowest byte.
+    RUN_INTENSITY_SHIFT = 8;
+    /// Third word of a run: green is the highest byte.
+    RUN_GREEN_SHIFT = 24;
+    /// Blue.
+    RUN_BLUE_SHIFT = 16;
+    /// Return number and count; flags are the lowest byte.
+    RUN_RETURNS_SHIFT = 8;
+    /// Flag of a withheld point (LAS 1.4 R15, table 9).
+    FLAG_WITHHELD = 4;
+
+    /// Words of the header of what is uploaded.
+    HEADER_WORDS = 16;
+    /// Word of the header: kind of payload.
+    HEADER_KIND = 0;
+    /// Words in all.
+    HEADER_ALL = 1;
+    /// How heights are coded: 1 << `CODE_WIDE_SHIFT` where codes are wide, `SECTION_LOG2` << `CODE_LOG2_SHIFT`.
+    HEADER_CODE = 2;
+    /// Lattice height of code 0.
+    HEADER_BASE = 3;
+    /// Blocks that are there.
+    HEADER_BLOCKS = 4;
+    /// Where counts start.
+    HEADER_COUNTS = 5;
+    /// Where further runs start.
+    HEADER_OTHERS = 6;
+    /// In the header's code.
+    CODE_WIDE_SHIFT = 8;
+    /// In the header's code.
+    CODE_LOG2_SHIFT = 16;
+    /// Kind of payload: columns of runs. Others follow (stacks, points, walls).
+    KIND_COLUMNS = 1;
+
+    /// log2 of the side in columns of a block of what is uploaded.
+    BLOCK_LOG2 = 3;
+    /// Columns in such a block.
+    BLOCK_COLUMNS = 1 << (2 * BLOCK_LOG2);
+    /// Blocks on a section's side.
+    BLOCKS_SIDE = SECTION_SIDE >> BLOCK_LOG2;
+    /// Blocks in a section.
+    SECTION_BLOCKS = BLOCKS_SIDE * BLOCKS_SIDE;
+    /// Where the places of blocks start.
+    PLACES = HEADER_WORDS;
+    /// Words of a place: where the block starts (0: it holds nothing), and how many further runs those before it have.
+    PLACE_WORDS = 2;
+    /// Where the first block starts.
+    FIRST_BLOCK = PLACES + PLACE_WORDS * SECTION_BLOCKS;
+    /// Words of a block: the highest run of each column, empty where the column is.
+    BLOCK_WORDS = RUN_WORDS * BLOCK_COLUMNS;
+    /// Words for how many other runs each column of a block has: a byte each.
+    COUNT_WORDS = BLOCK_COLUMNS / 4;
+    /// Most runs of a column besides the highest. The highest are kept.
+    MOST_OTHERS = 254;
+
+    /// log2 of the side in columns of a block of what is derived.
+    DERIVED_BLOCK_LOG2 = 2;
+    /// log2 of such blocks on a section's side.
+    DERIVED_BLOCKS_LOG2 = SECTION_LOG2 - DERIVED_BLOCK_LOG2;
+    /// First code of level 1 of the pyramid in a block, behind level 0.
+    LEVEL_1 = 1 << (2 * DERIVED_BLOCK_LOG2);
+    /// Word of a block that says which columns are measured, in blocks of even index of this block and the next; twice
+    /// that where codes are wide.
+    MEASURED = (LEVEL_1 + LEVEL_1 / 4) / 2;
+    /// First word of what each column of a block shows, a cache line on; twice that where codes are wide.
+    SHOWN = 16;
+    /// Words of what the columns of a block show, one each: a block ends with them.
+    SHOWN_WORDS = LEVEL_1;
+    /// Highest narrow code.
+    MOST_NARROW_CODE = 0xFFFF;
+    /// Codes of the pyramid's levels 2 to 8, which lie behind the blocks, and one to make them even.
+    UPPER_CODES = (codes_of_levels(2, SECTION_LOG2) + 1) & !1;
+    /// Codes of all levels but the coarsest: a bit a level, so that those of the levels finer than one are the higher
+    /// bits.
+    CODES_BELOW_TOP = codes_of_levels(0, SECTION_LOG2 - 1);
+    /// Codes of levels 0 and 1.
+    CODES_BELOW_UPPER = codes_of_levels(0, 1);
+
+    /// In what a column shows: its class. Red is the lowest byte.
+    SHOWN_CLASS_SHIFT = 24;
+    /// Green.
+    SHOWN_GREEN_SHIFT = 8;
+    /// Blue.
+    SHOWN_BLUE_SHIFT = 16;
+    /// In the place of the colours: return number and count; intensity is the lower half.
+    SHOWN_RETURNS_SHIFT = 16;
+}
+
+group! { node:
+    /// Words of a slot of the section table, a cache line.
+    NODE_WORDS = 16;
+    /// First word of a node's key.
+    NODE_KEY = 0;
+    /// Its highest thing.
+    NODE_TOP = 2;
+    /// Its level, and the detail of what is shown there.
+    NODE_META = 3;
+    /// First word of its pyramid's place.
+    NODE_PYRAMID = 4;
+    /// Lattice height of code 0.
+    NODE_BASE = 6;
+    /// 1 where codes are wide.
+    NODE_WIDE = 7;
+    /// First word of the slots beside it.
+    NODE_BESIDE = 8;
+
+    /// First word of the key of an unused slot.
+    NO_KEY = u32::MAX;
+    /// Slot of what is not there.
+    NO_NODE = u32::MAX;
+    /// In the key's first word: the level, above the index east.
+    KEY_LEVEL_SHIFT = 26;
+    /// The index east.
+    KEY_INDEX_MASK = (1 << KEY_LEVEL_SHIFT) - 1;
+    /// Bit of a node's top that sections have.
+    TOP_SECTION = 1;
+    /// In a node's meta: the detail level, above the level.
+    META_DETAIL_SHIFT = 16;
+    /// The level.
+    META_LEVEL_MASK = 0xFFFF;
+
+    /// Factor of the hash of a node: index east.
+    HASH_EAST = 0x9E37_79B1;
+    /// Index north.
+    HASH_NORTH = 0x85EB_CA77;
+    /// Level.
+    HASH_LEVEL = 0xC2B2_AE3D;
+    /// After the first shift.
+    HASH_MIX = 0x2C1B_3C6D;
+    /// First shift of the hash.
+    HASH_SHIFT = 15;
+    /// Last shift of the hash.
+    HASH_LAST_SHIFT = 13;
+}
+
+group! { passes:
+    /// Faces of hits: the column's top.
+    FACE_TOP = 0;
+    /// The ray went through the column's west side, going east.
+    FACE_WEST = 1;
+    /// Its east side.
+    FACE_EAST = 2;
+    /// Its south side.
+    FACE_SOUTH = 3;
+    /// Its north side.
+    FACE_NORTH = 4;
+    /// The eye is in the column.
+    FACE_INSIDE = 5;
+
+    /// Third word of a hit record as it is traced: the face, above the column.
+    HIT_FACE_SHIFT = 16;
+    /// The face.
+    HIT_FACE_MASK = 7;
+    /// Nodes that were looked at, at most `MOST_STEPS`.
+    HIT_STEPS_SHIFT = 19;
+    /// Most that are told.
+    MOST_STEPS = 8191;
+    /// Second word of a finished hit record: the class, or `BITS_MISS`.
+    BITS_CLASS_MASK = 0x1FF;
+    /// Nothing was hit.
+    BITS_MISS = 256;
+    /// How the column came to be.
+    BITS_ORIGIN_SHIFT = 9;
+    /// Of the origin.
+    BITS_ORIGIN_MASK = 7;
+    /// The face.
+    BITS_FACE_SHIFT = 12;
+    /// Origin: points fell in the column.
+    ORIGIN_MEASURED = 0;
+    /// Origin: the column is bridged from those around.
+    ORIGIN_BRIDGED = 1;
+
+    /// Pixels of the side of a beam's tile.
+    TILE = 8;
+    /// And of a wide beam's.
+    WIDE_TILE = 64;
+    /// Entries of the colour ramp.
+    RAMP_ENTRIES = 256;
+
+    /// Frame's `shade`: lit, not the column's very colour.
+    SHADE_LIT = 1;
+    /// Frame's `color_source`: the points' own colours.
+    COLOR_RGB = 0;
+    /// Height.
+    COLOR_HEIGHT = 1;
+    /// Class.
+    COLOR_CLASS = 2;
+    /// Intensity.
+    COLOR_INTENSITY = 3;
+    /// Return number and count.
+    COLOR_RETURNS = 4;
+    /// Frame's `background`: none, transparent.
+    BACKGROUND_NONE = 0;
+    /// White.
+    BACKGROUND_WHITE = 1;
+    /// A sky.
+    BACKGROUND_SKY = 2;
+
+    /// Specialisation constants of a frame's passes: threads of a workgroup across.
+    ID_GROUP_X = 0;
+    /// And down.
+    ID_GROUP_Y = 1;
+    /// Of beams: pixels of a tile's side.
+    ID_SIDE = 2;
+    /// And of the side of the tiles whose beams they go on from.
+    ID_BEFORE = 3;
+    /// Of passes that colour: colours are not RGB.
+    ID_RAMPED = 3;
+    /// Bytes for the screen, no records.
+    ID_SCREEN = 4;
+    /// Rows of groups are dealt out.
+    ID_DEALT = 5;
+    /// Rays start behind beams.
+    ID_BEAMED = 6;
+    /// Specialisation constants of derived passes: codes are wide.
+    ID_WIDE = 0;
+    /// Every run is shown.
+    ID_ALL = 1;
+    /// Holes are bridged after this pass.
+    ID_BRIDGE = 2;
+
+    /// Threads of a workgroup of the derived passes that have one a half block.
+    DERIVE_THREADS = 64;
+    /// And of the one that has a workgroup a section.
+    PYRAMID_THREADS = 256;
+    /// And of the one that packs the screen.
+    SCREEN_THREADS = 64;
+
+    /// Words of a thread's log.
+    LOG_WORDS = 512;
+    /// Where a step begins in a log; other words are lines that were loaded from.
+    LOG_STEP = u32::MAX;
+}
+
+const GROUPS: [(&str, &str, &[Constant]); 3] = [
+    ("payload", "Where things lie in what is uploaded and derived of a section.", payload::ALL),
+    ("node", "Where things lie in a slot of the section table.", node::ALL),
+    (
+        "passes",
+        "What passes agree upon: hit records, tiles, choices, specialisation constants, logs.",
+        passes::ALL,
+    ),
+];
+
+/// The table in Rust: a module a group.
+pub fn rust() -> String {
+    let mut text = String::new();
+    for (group, about, constants) in GROUPS {
+        let _ = writeln!(text, "/// {about}\npub mod {group} {{");
+        for Constant { name, value, docs } in constants {
+            for line in *docs {
+                let _ = writeln!(text, "    ///{line}");
+            }
+            let _ = writeln!(text, "    pub const {name}: u32 = {value};");
+        }
+        text.push_str("}\n");
+    }
+    text
+}
+
+/// The table in GLSL: name and text of an include a group.
+pub fn glsl() -> Vec<(String, String)> {
+    let include = |(group, about, constants): (&str, &str, &[Constant])| {
+        let guard = format!("SHARED_{}", group.to_uppercase());
+        let mut text = format!("// {about} Written by build.rs.\n#ifndef {guard}\n#define {guard}\n");
+        for Constant { name, value, docs } in constants {
+            let _ = writeln!(text, "const uint {name} = {value}u; //{}", docs.concat());
+        }
+        text.push_str("#endif\n");
+        (format!("{group}.glsl"), text)
+    };
+    GROUPS.into_iter().map(include).collect()
+}
+
+/// A payload as text, a line a part.
+pub fn drawing() -> String {
+    use payload::*;
+    let mut text = String::new();
+    let mut line = |[first, second]: [String; 2], what: &str| {
+        let _ = writeln!(text, "{}", format!("{first:>8} {second:>8}  {what}").trim_end());
+    };
+    let words = |at: u32| [String::new(), at.to_string()];
+    let named = |at: &str| [String::new(), at.to_owned()];
+    let nothing = || [String::new(), String::new()];
+
+    line(named("word"), "what is uploaded");
+    line(words(HEADER_KIND), &format!("kind: {KIND_COLUMNS}, columns of runs"));
+    line(words(HEADER_ALL), "words in all");
+    line(
+        words(HEADER_CODE),
+        &format!("height code: wide << {CODE_WIDE_SHIFT} | {SECTION_LOG2} << {CODE_LOG2_SHIFT}"),
+    );
+    line(words(HEADER_BASE), "lattice height of code 0");
+    line(words(HEADER_BLOCKS), "B, blocks that hold anything");
+    line(words(HEADER_COUNTS), &format!("C = {FIRST_BLOCK} + {BLOCK_WORDS} B"));
+    line(words(HEADER_OTHERS), &format!("R = C + {COUNT_WORDS} B"));
+    let side = 1 << BLOCK_LOG2;
+    line(
+        words(PLACES),
+        &format!(
+            "{SECTION_BLOCKS} places, {PLACE_WORDS} words each: where the block starts or 0, further runs before it"
+        ),
+    );
+    line(
+        words(FIRST_BLOCK),
+        &format!(
+            "B blocks of {side} x {side} columns, {BLOCK_WORDS} words each: the highest run of each column"
+        ),
+    );
+    line(named("C"), &format!("B x {COUNT_WORDS} words: further runs of each column, a byte each"));
+    line(named("R"), &format!("further runs, {RUN_WORDS} words each, highest first"));
+    line(nothing(), "");
+    line(["word".to_owned(), "bits".to_owned()], "a run");
+    let bits = |word: u32, [low, n]: [u32; 2]| [word.to_string(), format!("{}-{low}", low + n - 1)];
+    line(bits(0, [0, 32]), &format!("height ^ {HEIGHT_SIGN:#x}; 0: no point"));
+    line(bits(1, [RUN_CLASS_SHIFT, 8]), "class");
+    line(bits(1, [RUN_INTENSITY_SHIFT, 16]), "intensity");
+    line(bits(1, [0, 8]), "red");
+    line(bits(2, [RUN_GREEN_SHIFT, 8]), "green");
+    line(bits(2, [RUN_BLUE_SHIFT, 8]), "blue");
+    line(bits(2, [RUN_RETURNS_SHIFT, 8]), "return number, count << 4");
+    line(bits(2, [0, 8]), &format!("flags; {FLAG_WITHHELD}: withheld"));
+    line(nothing(), "");
+
+    // Where codes are narrow, and where they are wide.
+    let both = |narrow: u32, wide: u32| [narrow.to_string(), wide.to_string()];
+    let side = 1 << DERIVED_BLOCK_LOG2;
+    line(
+        ["narrow".to_owned(), "wide".to_owned()],
+        &format!("word of a derived block, {side} x {side} columns"),
+    );
+    line(both(0, 0), &format!("level 0 of the pyramid, {LEVEL_1} codes"));
+    line(both(LEVEL_1 / 2, LEVEL_1), &format!("level 1, {} codes", LEVEL_1 / 4));
+    line(
+        both(MEASURED, 2 * MEASURED),
+        "in blocks of even index: which columns of this and the next are measured",
+    );
+    line(both(SHOWN, 2 * SHOWN), &format!("what each column shows, {SHOWN_WORDS} words"));
+    let (narrow, wide) = (SHOWN + SHOWN_WORDS, 2 * SHOWN + SHOWN_WORDS);
+    line(both(narrow, wide), "the next block");
+    line(nothing(), "");
+    line(["narrow".to_owned(), "wide".to_owned()], "word of what is derived");
+    let blocks = 1 << DERIVED_BLOCKS_LOG2;
+    line(both(0, 0), &format!("{blocks} x {blocks} blocks, row by row"));
+    for level in 2..=SECTION_LOG2 {
+        let before = if level > 2 { above::codes_of_levels(2, level - 1) } else { 0 };
+        let side = SECTION_SIDE >> level;
+        let at = |block: u32, codes: u32| block * blocks * blocks + codes;
+        line(
+            both(at(narrow, before / 2), at(wide, before)),
+            &format!("level {level}, {side} x {side} codes"),
+        );
+    }
+    let end = |block: u32, codes: u32| block * blocks * blocks + codes;
+    line(both(end(narrow, UPPER_CODES / 2), end(wide, UPPER_CODES)), "all words");
+    line(nothing(), "");
+    line([String::new(), "bits".to_owned()], "what a column shows");
+    let bits = |low: u32, n: u32| [String::new(), format!("{}-{low}", low + n - 1)];
+    line(bits(SHOWN_CLASS_SHIFT, 8), "class");
+    line(bits(SHOWN_BLUE_SHIFT, 8), "blue");
+    line(bits(SHOWN_GREEN_SHIFT, 8), "green");
+    line(bits(0, 8), "red");
+    line(bits(SHOWN_RETURNS_SHIFT, 8), "or, for pictures of those: return number, count << 4");
+    line(bits(0, 16), "and intensity");
+    text
+}
