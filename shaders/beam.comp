@@ -1,4 +1,4 @@
-// The pre-pass: how far all rays of a tile of the picture are sure to be above everything, and near which level
+// The pre-pass: how far all rays of a tile of the image are sure to be above everything, and near which level
 // of nodes they then are. One thread a tile.
 //
 // Through any pixel of the tile and any s, origin + s · direction lies between those of the tile's four corner rays
@@ -10,6 +10,7 @@
 #include "pool.glsl"
 #include "section.glsl"
 #include "frame.glsl"
+#include "lookup.glsl"
 
 layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 // Pixels of a tile's side, and of the tile's whose beam this one goes on from (0: none).
@@ -18,38 +19,23 @@ layout(constant_id = ID_BEFORE) const uint BEFORE = 0u;
 
 const float NOTHING = -3e38;
 
-// The section that the last look-up was in.
-struct Here {
-    ivec2 section;
-    uint slot;
-    uvec2 pyramid;
-    int base, level, finest;
-    uint wide;
-};
-
-// Highest thing in a node; NOTHING where there is none.
-float top_of(inout Here here, int level, ivec2 node) {
-    if (here.slot == NO_NODE || level >= here.level || node >> (here.level - level) != here.section) {
-        // From the largest section that the node may be part of on down.
-        here.slot = NO_NODE;
-        for (int l = max(level, frame.section_level); l >= max(level, int(SECTION_LOG2)); l--) {
-            uint slot = find_node(uint(l), node >> l - level);
-            if (slot == NO_NODE) continue;
-            uint top = node_top(slot);
-            if (is_section(top) && level < l) {
-                here = Here(node >> l - level, slot, node_pyramid(slot), node_base(slot), l, detail_of(slot), node_wide(slot));
-                break;
-            }
-            if (l == level) return uintBitsToFloat(top);
-        }
+// Highest thing in node `index` of `level`; NOTHING where there is none.
+float top_of(inout Here here, inout Section section, int level, ivec2 index) {
+    if (here.slot == NO_NODE || level >= here.level || !is_in(here, level, index)) {
+        int at;
+        uint top;
+        here.slot = find_around(level, index, at, top);
         if (here.slot == NO_NODE) return NOTHING;
+        if (at == level) {
+            here.slot = NO_NODE;
+            return uintBitsToFloat(top);
+        }
+        here.node = index >> at - level;
+        here.level = at;
+        section = section_in(here.slot, detail_of(here.slot));
     }
-    // Nodes below a section's cells stand for their cell.
-    int at = max(level, here.finest);
-    uint l = uint(at - here.finest), side = SECTION_SIDE >> l;
-    uvec2 inner = uvec2(node >> at - level) & (side - 1u);
-    uint code = pyramid_code(here.pyramid, l, inner, here.wide);
-    return code == 0u ? NOTHING : float(here.base + int(code));
+    uint code = code_at(section, level, index);
+    return code == 0u ? NOTHING : float(height_of(section, code));
 }
 
 float min4(vec4 v) { return min(min(v.x, v.y), min(v.z, v.w)); }
@@ -97,6 +83,7 @@ void main() {
 
     Here here;
     here.slot = NO_NODE;
+    Section section;
     bool gone = s > FAR;
     for (int step = 0; step < 96 && !gone; step++) {
         log_step();
@@ -135,8 +122,8 @@ void main() {
         bool outside = any(greaterThanEqual(corner_low, high)) || any(lessThanEqual(corner_high, low));
         bool clear = outside;
         if (!outside && level <= frame.top_level) {
-            float top = max(max(top_of(here, level, first), top_of(here, level, first + ivec2(1, 0))),
-                            max(top_of(here, level, first + ivec2(0, 1)), top_of(here, level, first + ivec2(1, 1))));
+            float top = max(max(top_of(here, section, level, first), top_of(here, section, level, first + ivec2(1, 0))),
+                            max(top_of(here, section, level, first + ivec2(0, 1)), top_of(here, section, level, first + ivec2(1, 1))));
             clear = lowest > top;
         }
         if (clear) {

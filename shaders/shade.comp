@@ -9,68 +9,49 @@
 #include "pool.glsl"
 #include "section.glsl"
 #include "frame.glsl"
+#include "lookup.glsl"
 #include "color.glsl"
 
 layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 
-// The node of a section that the last look-up was in: neighbours are nearly always in the same one.
-struct Here {
-    ivec2 node;
-    uint slot;
-    int level;  // log2 finest cells of its side
-    int detail; // and of a column's
-    int finer;  // levels that what is shown there is finer than that
-};
-
-void go_to(inout Here here, ivec2 column) {
-    ivec2 node = column >> here.level - here.detail;
-    if (node == here.node) return;
-    here.node = node;
-    here.slot = find_node(uint(here.level), node);
-    here.finer = 0;
-    if (here.slot != NO_NODE && is_section(node_top(here.slot)) && detail_of(here.slot) == here.detail) return;
-    // Another size or detail begins here: from the largest section that the column may be part of on down.
-    here.slot = NO_NODE;
-    for (int l = frame.section_level; l >= int(SECTION_LOG2); l--) {
-        int up = l - here.detail;
-        if (up < 0) break;
-        // Smaller ones are looked up for each column.
-        if (l < here.level) here.node = ivec2(0x7FFFFFFF);
-        uint slot = find_node(uint(l), column >> up);
-        if (slot == NO_NODE) {
-            if (l < here.level) break;
-            continue;
-        }
-        if (!is_section(node_top(slot))) continue;
-        here.slot = slot;
-        here.finer = here.detail - detail_of(slot);
-        break;
-    }
+// Goes to the node that shows something at `column` (cells of `detail`); `shown`: the detail of what that is.
+void go_to(inout Here here, inout int shown, int detail, ivec2 column) {
+    if (is_in(here, detail, column)) return;
+    here.node = column >> here.level - detail;
+    here.slot = find_node(uint(here.level), here.node);
+    shown = detail;
+    if (here.slot != NO_NODE && is_section(node_top(here.slot)) && detail_of(here.slot) == detail) return;
+    // Another size or detail begins here.
+    int at;
+    uint top;
+    here.slot = find_around(detail, column, at, top);
+    // Smaller ones are looked up for each column.
+    if (at < here.level) here.node = ivec2(0x7FFFFFFF);
+    if (here.slot == NO_NODE) return;
+    if (is_section(top)) shown = detail_of(here.slot);
+    else here.slot = NO_NODE;
 }
 
-// Top of `column` (cells of this detail level), lattice steps from the anchor; false where there is none.
-bool top_at(inout Here here, ivec2 column, out float top) {
-    go_to(here, column);
+// Top of `column` (cells of `detail`), lattice steps from the anchor; false where there is none.
+bool top_at(inout Here here, inout int shown, int detail, ivec2 column, out float top) {
+    go_to(here, shown, detail, column);
     if (here.slot == NO_NODE) return false;
-    uvec2 pyramid = node_pyramid(here.slot);
-    // A node of the pyramid as large as the column, or the larger column around it.
-    uint level = uint(max(here.finer, 0));
-    uvec2 inner = uvec2(column >> max(-here.finer, 0)) & ((SECTION_SIDE >> level) - 1u);
-    uint code = pyramid_code(pyramid, level, inner, node_wide(here.slot));
-    top = float(node_base(here.slot) + int(code));
+    Section section = section_in(here.slot, shown);
+    uint code = code_at(section, detail, column);
+    top = float(height_of(section, code));
     return code != 0u;
 }
 
 // Slope of the surface around a column (steps up per cell east and north): least squares over the 24 columns
 // around, those on another surface (a roof beside a street) counting little.
-vec2 slope_at(inout Here here, ivec2 column, float top, float cell_steps) {
+vec2 slope_at(inout Here here, inout int shown, int detail, ivec2 column, float top, float cell_steps) {
     // Normal equations of h = a x + b y through the column's own top.
     float xx = 0.05, xy = 0.0, yy = 0.05;
     vec2 xh = vec2(0.0);
     for (int y = -2; y <= 2; y++) {
         for (int x = -2; x <= 2; x++) {
             float other;
-            if ((x == 0 && y == 0) || !top_at(here, column + ivec2(x, y), other)) continue;
+            if ((x == 0 && y == 0) || !top_at(here, shown, detail, column + ivec2(x, y), other)) continue;
             float d2 = float(x * x + y * y);
             float rise = (other - top) / cell_steps;
             float excess = rise * rise / d2; // squared slope
@@ -85,7 +66,7 @@ vec2 slope_at(inout Here here, ivec2 column, float top, float cell_steps) {
 }
 
 // Share of the sky seen from height `z` over `column`, in directions with a part along `outward` (0: all).
-float sky_at(inout Here here, ivec2 column, float z, vec2 outward, float cell_steps) {
+float sky_at(inout Here here, inout int shown, int detail, ivec2 column, float z, vec2 outward, float cell_steps) {
     const ivec2 directions[8] = ivec2[](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1), ivec2(-1, 0), ivec2(-1, -1), ivec2(0, -1), ivec2(1, -1));
     const int reach[5] = int[](1, 2, 4, 7, 12);
     float seen = 0.0, all_ways = 0.0;
@@ -95,7 +76,7 @@ float sky_at(inout Here here, ivec2 column, float z, vec2 outward, float cell_st
         float horizon = 0.0; // tangent
         for (int r = 0; r < 5; r++) {
             float other;
-            if (top_at(here, column + directions[d] * reach[r], other))
+            if (top_at(here, shown, detail, column + directions[d] * reach[r], other))
                 horizon = max(horizon, (other - z) / (unit * float(reach[r])) - 0.08);
         }
         seen += 1.0 / (1.0 + horizon * horizon); // cosine-weighted: cos² of the horizon's elevation
@@ -111,7 +92,7 @@ void main() {
     uvec4 hit = HIT[at];
     Ray ray = ray_of(pixel);
 
-    // Columns are solid without end: below the floor a lit picture shows what is behind their sides.
+    // Columns are solid without end: below the floor a lit image shows what is behind their sides.
     float z = fma(uintBitsToFloat(hit.x), ray.step.z, origin_height(ray));
     if ((hit.z >> HIT_FACE_SHIFT & HIT_FACE_MASK) == FACE_TOP) z = float(int(hit.w));
     else if (z < frame.floor) hit.y = NO_NODE;
@@ -127,7 +108,8 @@ void main() {
         uint face = hit.z >> HIT_FACE_SHIFT & HIT_FACE_MASK;
         ivec2 column = (index_of(hit.y) >> detail + int(SECTION_LOG2) - level) * int(SECTION_SIDE) + ivec2(inner);
         // A column larger than its node is alone.
-        Here here = Here(level > detail ? index_of(hit.y) : column, hit.y, max(level, detail), detail, 0);
+        Here here = Here(level > detail ? index_of(hit.y) : column, max(level, detail), hit.y);
+        int shown = detail;
 
         uint shows = shown_at(hit.y, inner);
         float top = float(int(hit.w));
@@ -139,7 +121,7 @@ void main() {
             float cell_steps = frame.cell_steps * float(1 << detail);
             vec2 outward = vec2(0.0);
             vec3 normal;
-            vec2 slope = slope_at(here, column, top, cell_steps);
+            vec2 slope = slope_at(here, shown, detail, column, top, cell_steps);
             vec3 up = normalize(vec3(-slope, 1.0));
             if (face == FACE_TOP || face == FACE_INSIDE) {
                 normal = up;
@@ -149,7 +131,7 @@ void main() {
                 float drop = (top - z) / cell_steps;
                 normal = normalize(mix(up, vec3(outward, 0.0), smoothstep(0.2, 1.5, drop + 0.6)));
             }
-            float sky_seen = sky_at(here, column, z, outward, cell_steps);
+            float sky_seen = sky_at(here, shown, detail, column, z, outward, cell_steps);
             float lit = max(dot(normal, frame.sun), 0.0);
             vec3 sunlight = vec3(1.0, 0.96, 0.88) * 1.05 * lit * mix(0.55, 1.0, sky_seen);
             vec3 skylight = vec3(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky_seen * sky_seen;

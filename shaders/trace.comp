@@ -12,6 +12,5 @@ layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 void main() {
     uvec2 pixel = dealt_pixel(gl_WorkGroupSize);
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
-    Hit hit = trace_pixel(pixel, ray_of(pixel));
-    HIT[pixel.y * frame.width + pixel.x] = uvec4(floatBitsToUint(hit.t), hit.slot, hit.column.y << SECTION_LOG2 | hit.column.x | hit.face << HIT_FACE_SHIFT | min(hit.steps, MOST_STEPS) << HIT_STEPS_SHIFT, uint(hit.top));
+    HIT[pixel.y * frame.width + pixel.x] = record_of(trace_pixel(pixel, ray_of(pixel)));
 }

@@ -1,211 +1,25 @@
-// The traversal: one ray through the quadtree of sections (the table), a section's maximum pyramid and, at its
-// finest level, the column: top or side.
-//
-// The ray is mirrored so that it goes east and north. Its place is the node it is in (index and level) and t. A
-// node's far border gives t directly from the ray's origin (never step by step), so no error builds up; where in a
-// node the ray is, is asked only on the way down, and answered by the t of the middle border. So large steps lead
-// where small ones do, and a node is passed over exactly when all its columns would be: t and z(t) round
-// monotonically. A column is solid from its top down; a ray hits where it first is at or below a column's top
-// inside that cell. Cells are half-open: a corner belongs to the cell north-east of it.
+// The traversal: one ray through the table, pyramids and columns (walk.glsl) to its hit (leaf.glsl).
 // Needs pool.glsl, section.glsl, frame.glsl.
-
-// Inverse of a step that is none.
-const float STILL = 1e30;
-
-struct Walk {
-    ivec2 mirror;   // 1 where the ray goes west / south
-    ivec2 origin;   // cell of the origin, mirrored
-    vec2 fraction;  // and where in it
-    vec2 inverse;   // lengths in one cell
-    float z0, dz;   // lattice steps
-};
-
-// t at which the ray crosses `border` (a finest cell border, mirrored) of each axis; beyond FAR where it runs along.
-vec2 t_at(in Walk walk, ivec2 border) { return (vec2(border - walk.origin) - walk.fraction) * walk.inverse; }
-
-// Which of `borders` the ray is past at t. At a corner an eastward step comes first, a westward one last.
-ivec2 past(in Walk walk, ivec2 borders, float t) {
-    vec2 ts = t_at(walk, borders);
-    return walk.mirror.x == 0 ? ivec2(ts.x <= t, ts.y < t) : ivec2(ts.x < t, ts.y <= t);
-}
-
-// Levels that a walk can go up where it crossed `border` (nodes of its level); border 0 is one of all levels.
-int ups(int border) { return findLSB(border | 1 << 30); }
-
-// What a ray found: see the hit record in frame.glsl.
-struct Hit {
-    float t;
-    uint slot; // NO_NODE: nothing
-    uvec2 column;
-    uint face;
-    int top;
-    uint steps; // nodes looked at
-};
+#include "lookup.glsl"
+#include "walk.glsl"
+#include "leaf.glsl"
 
 // Traces `ray` from t `start` on, where it is known to be above everything, beginning at `level`.
 Hit trace(Ray ray, float start, int level) {
-    Hit hit = Hit(0.0, NO_NODE, uvec2(0), 0u, 0, 0u);
-    Walk walk;
-    // -0 and what is nearly 0 go east and north, and never arrive.
-    bvec2 still = lessThan(abs(ray.step.xy), vec2(1e-20));
-    walk.mirror = ivec2(lessThan(ray.step.xy, vec2(0.0))) * ivec2(not(still));
-    walk.inverse = mix(abs(1.0 / ray.step.xy), vec2(STILL), still);
-    walk.origin = ray.cell.xy ^ -walk.mirror;
-    walk.fraction = mix(ray.fraction.xy, 1.0 - ray.fraction.xy, equal(walk.mirror, ivec2(1)));
-    // Where a ray runs along an axis it stays in its cell, on a border or not: it was always, or is never, between two
-    // others.
-    walk.fraction = mix(walk.fraction, vec2(0.5), still);
-    walk.z0 = origin_height(ray);
-    walk.dz = ray.step.z;
-    ivec2 low = mix(frame.low, -frame.high, equal(walk.mirror, ivec2(1)));
-    ivec2 high = mix(frame.high, -frame.low, equal(walk.mirror, ivec2(1)));
-
-    // On to the border of what there is.
-    vec2 enter = t_at(walk, low), leave = t_at(walk, high);
-    float t = start;
-    uint face = start == ray.start ? FACE_INSIDE : FACE_TOP;
-    // A ray that stands over one cell leaves it beyond everything.
-    float t_enter = max(enter.x, enter.y), t_leave = min(min(leave.x, leave.y), FAR);
-    if (t_enter > t) {
-        t = t_enter;
-        face = enter.x >= enter.y ? FACE_WEST : FACE_SOUTH;
+    Walk walk = begin_walk(ray, start, level);
+    uint slot = NO_NODE;
+    int detail = 0, top = 0;
+    bool found = false;
+    // Left by its condition alone: see walk.glsl.
+    while (!found && !walk.gone) {
+        slot = through_table(walk);
+        if (!walk.gone) {
+            detail = detail_of(slot);
+            found = through_sections(walk, slot, detail, top);
+        }
     }
-    if (t >= t_leave) return hit;
-
-    // The finest cell that the ray is in; rounding may put it a border off.
-    vec2 at = fma(vec2(t), mix(abs(ray.step.xy), vec2(0.0), still), walk.fraction);
-    ivec2 cell = clamp(walk.origin + ivec2(floor(at)), low, high - 1);
-    ivec2 ahead = past(walk, cell + 1, t), behind = 1 - past(walk, cell, t);
-    cell = clamp(cell + ahead - behind * (1 - ahead), low, high - 1);
-
-    int first = min(level, frame.top_level);
-    level = max(first, frame.section_level);
-    ivec2 node = cell >> level;
-    ivec2 flip = -walk.mirror;
-    // Whether a stay of no length in a node counts: not where the ray only touches a corner on the way from the
-    // south-west to the north-east or back.
-    bool diagonal = walk.mirror.x == walk.mirror.y;
-    bool touches = !diagonal || face == FACE_INSIDE;
-    bool falls = walk.dz < 0.0;
-    bool done = false;
-
-    while (!done) {
-        // Through the table to a section that may be hit.
-        float t_exit;
-        bool east;
-        while (true) {
-            hit.steps++;
-            log_step();
-            vec2 ts = t_at(walk, node + 1 << level);
-            east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
-            t_exit = max(east ? ts.x : ts.y, t);
-            hit.slot = find_node(uint(level), node ^ flip);
-            uint top = hit.slot != NO_NODE ? node_top(hit.slot) : 0u;
-            // A ray that starts below the table's levels is near something.
-            bool down = hit.slot != NO_NODE && (fma(falls ? t_exit : t, walk.dz, walk.z0) <= uintBitsToFloat(top) || first < level);
-            if (down && is_section(top)) break;
-            if (down) {
-                level--;
-                node = node * 2 + past(walk, (node * 2 + 1) << level, t);
-            } else {
-                done = !(t_exit < t_leave);
-                if (done) break;
-                first = 64;
-                t = t_exit;
-                node += ivec2(east, !east);
-                face = east ? FACE_WEST : FACE_SOUTH;
-                touches = !diagonal;
-                // Up where a 2x2 square of nodes ends, and as far as a section may reach that begins here.
-                int crossed = east ? node.x : node.y;
-                int up = min(max(~crossed & 1, min(ups(crossed), frame.section_level - level)), frame.top_level - level);
-                level += up;
-                node >>= up;
-            }
-        }
-        if (done) break;
-
-        // A node of a section that reaches farther ends where the node does, and may be smaller than its cells.
-        int ceiling = level, detail = detail_of(hit.slot), finest = min(detail, level - 1);
-        if (first < ceiling) {
-            level = max(first, finest);
-            node = cell >> level;
-            first = 64;
-        } else {
-            level--;
-            node = node * 2 + past(walk, (node * 2 + 1) << level, t);
-        }
-        int top = 0;
-        float t_end = 0.0;
-        bool found = false;
-        // From section to section, as long as they are of one size.
-        while (true) {
-        uvec2 pyramid = node_pyramid(hit.slot);
-        int base = node_base(hit.slot);
-        uint wide = node_wide(hit.slot);
-        while (true) {
-            hit.steps++;
-            log_step();
-            vec2 ts = t_at(walk, node + 1 << level);
-            east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
-            t_exit = max(east ? ts.x : ts.y, t);
-            uint l = uint(max(level - detail, 0)), side = SECTION_SIDE >> l;
-            uvec2 inner = uvec2((node ^ flip) >> max(detail - level, 0)) & (side - 1u);
-            uint code = pyramid_code(pyramid, l, inner, wide);
-            int highest = base + int(code);
-            bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
-            if (down && level == finest) {
-                found = true;
-                top = highest;
-                t_end = t_exit;
-                break;
-            }
-            if (down) {
-                level--;
-                node = node * 2 + past(walk, (node * 2 + 1) << level, t);
-            } else {
-                done = !(t_exit < t_leave);
-                t = t_exit;
-                node += ivec2(east, !east);
-                face = east ? FACE_WEST : FACE_SOUTH;
-                touches = !diagonal;
-                int crossed = east ? node.x : node.y;
-                if (done || (crossed & (1 << ceiling - level) - 1) == 0) break;
-                int up = ~crossed & 1;
-                level += up;
-                node >>= up;
-            }
-        }
-        if (found || done) break;
-        // The level stays as it is: what is near the ray here is near it there. What has climbed to the section's
-        // own size goes on in the table, which skips more.
-        if (level == ceiling - 1) break;
-        uint next = node_beside(hit.slot, uint(face == FACE_WEST ? walk.mirror.x : 2 + walk.mirror.y));
-        if (next == NO_NODE) break;
-        hit.slot = next;
-        level++;
-        node >>= 1;
-        }
-        if (found) {
-            // What the window does not hold is not there; the ray has left it, then.
-            done = true;
-            if (any(lessThan(node << level, low)) || any(greaterThanEqual(node << level, high))) break;
-            if (fma(t, walk.dz, walk.z0) > float(top)) {
-                face = FACE_TOP;
-                // No branch: drivers compile anew for constants that one follows from.
-                float rise = mix(float(top) - walk.z0, float(top - ray.cell.z) - ray.fraction.z, frame.origin_step == 1.0);
-                t = clamp(rise / walk.dz, t, t_end);
-            }
-            if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
-            return Hit(t, hit.slot, uvec2((node ^ flip) >> detail - finest) & (SECTION_SIDE - 1u), face, top, hit.steps);
-        }
-        // Out of the section, to where the next one may begin.
-        int crossed = face == FACE_WEST ? node.x : node.y;
-        int up = min(max(ceiling - level, min(ups(crossed), frame.section_level - level)), frame.top_level - level);
-        level += up;
-        node >>= up;
-    }
-    hit.slot = NO_NODE;
-    return hit;
+    if (!found || !is_in_window(walk)) return no_hit(walk.steps);
+    return hit_in(walk, ray, slot, detail, top);
 }
 
 // Whether rays start behind beams, or at the eye.
