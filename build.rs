@@ -24,7 +24,7 @@ fn main() {
         let text = compile_folder(Path::new(folder), &out).unwrap_or_else(|message| fail(&message));
         fs::write(out.join(module), text).unwrap_or_else(|e| fail(&format!("{module}: {e}")));
     }
-    // A debug build would be made anew after each commit, for nothing.
+    // A debug build would be rebuilt after each commit, for nothing.
     if env::var("PROFILE").is_ok_and(|profile| profile == "release")
         && let Some(commit) = commit()
     {

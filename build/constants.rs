@@ -414,7 +414,7 @@ pub fn drawing() -> String {
     line(bits(SHOWN_BLUE_SHIFT, 8), "blue");
     line(bits(SHOWN_GREEN_SHIFT, 8), "green");
     line(bits(0, 8), "red");
-    line(bits(SHOWN_RETURNS_SHIFT, 8), "or, for pictures of those: return number, count << 4");
+    line(bits(SHOWN_RETURNS_SHIFT, 8), "or, for images of those: return number, count << 4");
     line(bits(0, 16), "and intensity");
     text
 }

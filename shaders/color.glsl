@@ -5,7 +5,7 @@ vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055,
 
 vec3 bytes(uint packed_bytes) { return vec3(packed_bytes & 0xFFu, packed_bytes >> SHOWN_GREEN_SHIFT & 0xFFu, packed_bytes >> SHOWN_BLUE_SHIFT & 0xFFu) / 255.0; }
 
-// Whether colours are not RGB: a constant of the program, so that it does only what it must.
+// Whether colours are not RGB: a specialisation constant, so that the pipeline does only what it must.
 layout(constant_id = ID_RAMPED) const bool RAMPED = true;
 
 // What a column shows (see section.glsl).

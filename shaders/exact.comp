@@ -1,4 +1,4 @@
-// Traces one ray a pixel and gives it its column's very colour: the whole of an exact picture in one pass.
+// Traces one ray a pixel and gives it its column's very colour: the whole of an exact image in one pass.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"

@@ -30,7 +30,7 @@ struct Frame {
     vec3 down;     // and down
     vec3 to_local; // lengths to cells, cells, lattice steps (the last holds the exaggeration); a length is a power of two of
                    // world units, at most a cell, so that numbers here do not depend on the unit
-    float origin_step; // lattice steps in one step up of an origin: 1 unless the picture is too tall for that
+    float origin_step; // lattice steps in one step up of an origin: 1 unless the image is too tall for that
     int height_anchor; // lattice height of local height 0
     uint shade;        // SHADE_LIT, or 0: exact
     uint color_source; // COLOR_RGB and so on
@@ -39,7 +39,7 @@ struct Frame {
     float cell_steps;  // lattice steps in one cell side, exaggeration included: slopes
     vec3 sun;          // towards the sun
     uint background;   // BACKGROUND_NONE and so on
-    float floor;       // lit pictures end here, lattice steps from the anchor
+    float floor;       // lit images end here, lattice steps from the anchor
 };
 
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/resident/table.rs).
@@ -56,7 +56,7 @@ struct Node {
 
 bool is_section(uint top) { return (top & TOP_SECTION) != 0u; }
 
-// Lavapipe compiles a program anew for the values of a uniform block that branches follow from, whenever the block is
+// Lavapipe recompiles a pipeline for the values of a uniform block that branches follow from, whenever the block is
 // bound: a pass that is not worth that, in every frame, defines FRAME_STORED.
 #ifdef FRAME_STORED
 #define FRAME_BLOCK readonly buffer
@@ -100,7 +100,7 @@ layout(push_constant, scalar) uniform Push {
     ivec2 sample_at; // of this pass's sample in the pixel, sixteenths from its top left corner
     uint sample_index;
     float sample_weight; // 1 / samples
-    uint first_row, rows; // the band of the picture that the hit records and colours are of
+    uint first_row, rows; // the band of the image that the hit records and colours are of
     ivec3 origin_int;     // origin at the sample of the image's middle pixel
     uvec3 origin_fraction;
 } push;

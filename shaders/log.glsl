@@ -1,7 +1,7 @@
-// What threads do, written down for benches/trace.rs by the programs that define LOGGED; in all others this is nothing.
+// What threads do, written down for benches/trace.rs by the shaders that define LOGGED; in all others this is nothing.
 //
 // A thread's log has LOG_WORDS words: how many words there were to write, how many steps it took, then LOG_STEP where a
-// step begins, and for each load, in the order of the program, its 128-byte line. Words beyond the log's end are counted
+// step begins, and for each load, in the order of the shader, its 128-byte line. Words beyond the log's end are counted
 // and left out. The frame's constants are not counted.
 // Needs GL_EXT_buffer_reference, GL_EXT_buffer_reference_uvec2, GL_EXT_scalar_block_layout.
 #if defined(LOGGED)

@@ -1,4 +1,4 @@
-// Packs the sum of a picture's samples for the window: linear colours to sRGB bytes.
+// Packs the sum of an image's samples for the window: linear colours to sRGB bytes.
 // Reads colour sums; writes a word a pixel. One thread a pixel; y is the row.
 #version 460
 #extension GL_GOOGLE_include_directive : require
