@@ -262,6 +262,8 @@ group! { passes:
     ID_RAMPED = 3;
     /// Bytes for the screen, no records.
     ID_SCREEN = 4;
+    /// Of the thesis' kernel: the same.
+    ID_THESIS_SCREEN = 2;
     /// Rows of groups are dealt out.
     ID_DEALT = 5;
     /// Rays start behind beams.

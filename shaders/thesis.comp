@@ -44,7 +44,7 @@ uvec4 plain_hit(float t, PlainNode node, ivec2 cell, uint face) {
 #include "plain.glsl"
 
 // As the thesis does it, a word a pixel; or records for checks.
-layout(constant_id = 2) const bool SCREEN = false;
+layout(constant_id = ID_THESIS_SCREEN) const bool SCREEN = false;
 
 vec3 linear_of(vec3 srgb) { return mix(srgb / 12.92, pow((srgb + 0.055) / 1.055, vec3(2.4)), greaterThan(srgb, vec3(0.04045))); }
 

@@ -12,6 +12,7 @@ use crate::gpu::{
 use crate::render::frame::{
     FrameConstants, FrameError, FramePush, LOG_WORDS, PassRepeats, View, ViewRays, halves,
 };
+use crate::shared::passes::{ID_GROUP_X, ID_GROUP_Y, ID_THESIS_SCREEN};
 use cpu_time::ThreadTime;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -141,7 +142,11 @@ impl Kernel {
         PipelineDesc {
             name: "thesis",
             words,
-            constants: vec![(0, group[0]), (1, group[1]), (2, u32::from(screen))],
+            constants: vec![
+                (ID_GROUP_X, group[0]),
+                (ID_GROUP_Y, group[1]),
+                (ID_THESIS_SCREEN, u32::from(screen)),
+            ],
             push_bytes: size_of::<FramePush>() as u32,
             bindings: &[BindingKind::Uniform],
         }

@@ -14,6 +14,7 @@ use crate::gpu::{
     BindingKind, Buffer, ComputePipeline, Gpu, GpuError, MemoryKind, Order, PipelineDesc, SyncPoint, shaders,
 };
 use crate::limits::LIMITS;
+use crate::shared::passes::{DERIVE_THREADS, ID_ALL, ID_BRIDGE, ID_WIDE};
 use bytemuck::{Pod, Zeroable};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
@@ -22,7 +23,7 @@ const _: () = assert!(LIMITS.submit_sections * size_of::<Job>() <= LIMITS.consta
 const LONGEST_BRIDGE: u32 = 4;
 
 /// Threads in a workgroup of the passes that take half blocks.
-const GROUP_THREADS: u32 = 64;
+const GROUP_THREADS: u32 = DERIVE_THREADS;
 /// Columns of a half block, a thread's: east, north.
 const HALF_BLOCK: [u32; 2] = [8, 4];
 /// Half blocks of a section: east, north.
@@ -138,7 +139,7 @@ impl Pass {
             Access::Address | Access::Texels => (declared.by_address, 16, &[]),
             Access::StorageBuffer => (declared.by_buffer, 0, &[BindingKind::Storage; 3]),
         };
-        let constants = (0..).zip(variant.map(u32::from)).collect();
+        let constants = [ID_WIDE, ID_ALL, ID_BRIDGE].into_iter().zip(variant.map(u32::from)).collect();
         PipelineDesc { name: declared.name, words, constants, push_bytes, bindings }
     }
 }
