@@ -1,8 +1,9 @@
 //! Bands: large images are drawn in rows, so that no submit runs for long; and how large an image may be.
 
 use super::error::FrameError;
-use super::options::{GROUP, WIDE_TILE};
+use super::options::GROUP;
 use crate::gpu::Gpu;
+use crate::shared::passes::WIDE_TILE;
 
 /// Rays that one submit traces: large images go in bands of rows, one sample of a pixel at a time, so that no
 /// submit runs for long (drivers end those that do) and device memory does not grow with the image.

@@ -2,11 +2,11 @@
 
 use super::bands::{Band, band_rows};
 use super::mirrors::FrameConstants;
-use super::options::{TILE, WIDE_TILE};
 use super::pipelines::FramePass;
 use crate::gpu::{Binding, BindingCache, Buffer, Commands, Gpu, GpuError, MemoryKind};
 use crate::resident::pool::Access;
 use crate::resident::table::Table;
+use crate::shared::passes::{RAMP_ENTRIES, TILE, WIDE_TILE};
 use std::sync::{Arc, Weak};
 
 /// How far a beam came and its level, in one word.
@@ -44,7 +44,7 @@ impl FrameInputs {
             frame: make("frame constants", size_of::<FrameConstants>() as u64)?,
             table: make("section table", LEAST_TABLE_BYTES.max(table_bytes))?,
             written: Weak::new(),
-            ramp: make("colour ramp", 256 * 16)?,
+            ramp: make("colour ramp", u64::from(RAMP_ENTRIES) * 16)?,
             bindings: BindingCache::default(),
         })
     }

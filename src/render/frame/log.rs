@@ -2,16 +2,16 @@
 
 use super::bands::{Band, band_rows, check_size};
 use super::error::FrameError;
-use super::options::{Logged, TILE, View, WIDE_TILE};
+use super::options::{Logged, View};
 use super::renderer::{Renderer, derive_colors};
 use crate::gpu::{Buffer, BufferCopy, MemoryKind};
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
+pub use crate::shared::passes::LOG_STEP;
+use crate::shared::passes::{self, TILE, WIDE_TILE};
 
-/// Words that a thread of a logged pass writes; `shaders/log.glsl` has the same.
-pub const LOG_WORDS: usize = 512;
-/// Where a step begins in a log; other words are lines that were loaded from.
-pub const LOG_STEP: u32 = u32::MAX;
+/// Words that a thread of a logged pass writes.
+pub const LOG_WORDS: usize = passes::LOG_WORDS as usize;
 /// Of the logs of one submit.
 const LOG_BYTES: u64 = 128 << 20;
 

@@ -4,6 +4,10 @@ use super::options::{Background, Shade, View};
 use super::rays::{Origins, ViewRays};
 use crate::attribute::ColorMode;
 use crate::coords::{Grid, Height};
+use crate::shared::passes::{
+    BACKGROUND_NONE, BACKGROUND_SKY, BACKGROUND_WHITE, BITS_FACE_SHIFT, COLOR_CLASS, COLOR_HEIGHT,
+    COLOR_INTENSITY, COLOR_RETURNS, COLOR_RGB, FACE_TOP, SHADE_LIT,
+};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
@@ -75,22 +79,22 @@ impl FrameConstants {
             to_local: to_local.as_vec3().to_array(),
             origin_step: step as f32,
             height_anchor: height_anchor.0,
-            shade: u32::from(view.shade == Shade::Lit),
+            shade: if view.shade == Shade::Lit { SHADE_LIT } else { 0 },
             color_source: match view.colors.mode {
-                ColorMode::Rgb => 0,
-                ColorMode::Height => 1,
-                ColorMode::Class => 2,
-                ColorMode::Intensity => 3,
-                ColorMode::Return => 4,
+                ColorMode::Rgb => COLOR_RGB,
+                ColorMode::Height => COLOR_HEIGHT,
+                ColorMode::Class => COLOR_CLASS,
+                ColorMode::Intensity => COLOR_INTENSITY,
+                ColorMode::Return => COLOR_RETURNS,
             },
             range_low: view.colors.lo,
             range_scale: view.colors.scale,
             cell_steps: (grid.cell_steps(0) / view.z_scale) as f32,
             sun: sun.as_vec3().to_array(),
             background: match view.background {
-                Background::None => 0,
-                Background::White => 1,
-                Background::Sky => 2,
+                Background::None => BACKGROUND_NONE,
+                Background::White => BACKGROUND_WHITE,
+                Background::Sky => BACKGROUND_SKY,
             },
             floor: match view.shade {
                 Shade::None => f32::NEG_INFINITY,
@@ -161,8 +165,6 @@ pub(in super::super) struct HitRecord {
     pub(super) top: i32,
 }
 
-const FACE_TOP: u32 = 0;
-
 /// What the ray of pixel (px, py) has hit: distance from the eye as shown, and U; heights count from `anchor`.
 pub(super) fn distance_and_height(
     ViewRays { shown, through, unit, .. }: &ViewRays,
@@ -172,7 +174,7 @@ pub(super) fn distance_and_height(
     anchor: Height,
 ) -> [f64; 2] {
     let t = f64::from(hit.t) * unit;
-    let height = if hit.bits >> 12 == FACE_TOP {
+    let height = if hit.bits >> BITS_FACE_SHIFT == FACE_TOP {
         grid.units(Height(hit.top.wrapping_add(anchor.0)))
     } else {
         let along = through.direction(px, py).z / through.length(px, py);

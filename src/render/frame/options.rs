@@ -69,11 +69,6 @@ pub(super) const GROUP: [u32; 2] = [8, 8];
 /// Passes of a frame.
 pub const PASSES: u32 = 4;
 
-/// Pixels of the side of a beam's tile; `shaders/frame.glsl` has the same.
-pub(super) const TILE: u32 = 8;
-/// And of the wide beams'.
-pub(super) const WIDE_TILE: u32 = 64;
-
 /// How often the passes of a frame run, for measurements: a device's clock rises while it works.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PassRepeats {

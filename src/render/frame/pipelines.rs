@@ -2,12 +2,15 @@
 
 use super::bands::Band;
 use super::mirrors::FramePush;
-use super::options::{Logged, PassOptions, Shade, TILE, Traversal, View, WIDE_TILE};
+use super::options::{Logged, PassOptions, Shade, Traversal, View};
 use crate::attribute::ColorMode;
 #[cfg(feature = "view")]
 use crate::gpu::DeviceKind;
 use crate::gpu::{BindingKind, ComputePipeline, Gpu, GpuError, PipelineDesc, shaders};
 use crate::resident::pool::Access;
+use crate::shared::passes::{
+    ID_BEAMED, ID_BEFORE, ID_DEALT, ID_GROUP_X, ID_GROUP_Y, ID_RAMPED, ID_SCREEN, ID_SIDE, TILE, WIDE_TILE,
+};
 use std::collections::HashMap;
 
 /// What the passes are given where the pool is a storage buffer: pool, table, constants, hits, colours, ramp, beams,
@@ -85,18 +88,15 @@ struct Exact {
     screen: bool,
 }
 
-/// Of the specialisation constants of `shaders/frame.glsl` and `shaders/trace.glsl`.
-const DEALT: u32 = 5;
-const BEAMED: u32 = 6;
-
 /// The passes that are there from the start: wide beams, beams, trace, shade.
 fn passes(access: Access, options: PassOptions) -> [PipelineDesc; 4] {
-    let shared = |[x, y]: [u32; 2]| vec![(0, x), (1, y), (DEALT, u32::from(options.dealt))];
+    let shared =
+        |[x, y]: [u32; 2]| vec![(ID_GROUP_X, x), (ID_GROUP_Y, y), (ID_DEALT, u32::from(options.dealt))];
     let beams = |name, side: u32, before: u32| {
-        let sides = [(2, side), (3, before)];
+        let sides = [(ID_SIDE, side), (ID_BEFORE, before)];
         BEAM.recipe(name, access, [shared(options.beam_group), sides.to_vec()].concat())
     };
-    let trace = [shared(options.group), vec![(BEAMED, u32::from(options.beams))]].concat();
+    let trace = [shared(options.group), vec![(ID_BEAMED, u32::from(options.beams))]].concat();
     let [mut wide_beams, mut beams] = [beams("wide beams", WIDE_TILE, 0), beams("beams", TILE, WIDE_TILE)];
     match options.logged {
         Some(Logged::WideBeams) => wide_beams.words = shaders::BEAM_LOGGED,
@@ -115,10 +115,13 @@ impl Exact {
     fn recipe(self, access: Access, options: PassOptions) -> PipelineDesc {
         let Exact { ramped, screen } = self;
         let PassOptions { group, dealt, beams, .. } = options;
-        let flags = [(3, ramped), (4, screen), (DEALT, dealt), (BEAMED, beams)];
+        let flags = [(ID_RAMPED, ramped), (ID_SCREEN, screen), (ID_DEALT, dealt), (ID_BEAMED, beams)];
         let flags = flags.map(|(id, on)| (id, u32::from(on)));
-        let mut recipe =
-            EXACT.recipe("exact", access, [&[(0, group[0]), (1, group[1])], &flags[..]].concat());
+        let mut recipe = EXACT.recipe(
+            "exact",
+            access,
+            [&[(ID_GROUP_X, group[0]), (ID_GROUP_Y, group[1])], &flags[..]].concat(),
+        );
         if options.logged == Some(Logged::Trace) {
             recipe.words = shaders::EXACT_LOGGED;
         }
@@ -128,7 +131,7 @@ impl Exact {
 
 fn plain(access: Access, options: PassOptions) -> PipelineDesc {
     let [x, y] = options.group;
-    let mut recipe = PLAIN.recipe("plain", access, vec![(0, x), (1, y)]);
+    let mut recipe = PLAIN.recipe("plain", access, vec![(ID_GROUP_X, x), (ID_GROUP_Y, y)]);
     if options.logged == Some(Logged::Trace) {
         recipe.words = shaders::PLAIN_LOGGED;
     }

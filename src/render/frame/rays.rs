@@ -1,8 +1,9 @@
 //! The rays of a view: origins in fixed point, from a plane just before the data on.
 
 use super::super::camera::{CameraError, RayBasis};
-use super::options::{View, WIDE_TILE};
+use super::options::View;
 use crate::coords::{CELL_LIMIT, Grid, Height, power_of_two_at_most};
+use crate::shared::passes::WIDE_TILE;
 use glam::DVec3;
 
 /// The rays of an image, from a plane just before the data on.

@@ -18,6 +18,7 @@ use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
 use crate::resident::table::Table;
 use crate::resident::visibility::Carried;
+use crate::shared::passes::{BITS_CLASS_MASK, BITS_MISS, BITS_ORIGIN_MASK, BITS_ORIGIN_SHIFT};
 use bytemuck::Zeroable;
 #[cfg(feature = "view")]
 use glam::DVec3;
@@ -193,6 +194,11 @@ impl Renderer {
         table
     }
 
+    /// Beams of the band that was recorded last, and the wide ones before them, a word each: for checks.
+    pub fn beams(&self) -> Option<[&Buffer; 2]> {
+        self.targets.as_ref().map(|targets| [&targets.beams, &targets.wide_beams])
+    }
+
     /// Sums and hit records of the image that was recorded last, 16 bytes a pixel each.
     #[cfg(feature = "view")]
     pub(in super::super) fn sums_and_hits(&self) -> Option<[&Buffer; 2]> {
@@ -358,15 +364,15 @@ impl Renderer {
         let width = image.width;
         for (at, hit) in (from..).zip(hits) {
             image.steps += u64::from(hit.steps);
-            let class = hit.bits & 0x1FF;
+            let class = hit.bits & BITS_CLASS_MASK;
             image.class[at] = class;
-            if class == 256 {
+            if class == BITS_MISS {
                 continue;
             }
             let pixel = [f64::from(at as u32 % width), f64::from(at as u32 / width)];
             let [distance, height] = distance_and_height(rays, hit, pixel, &self.grid, self.anchor);
             image.distance[at] = distance as f32;
-            image.origin[at] = hit.bits >> 9 & 7;
+            image.origin[at] = hit.bits >> BITS_ORIGIN_SHIFT & BITS_ORIGIN_MASK;
             image.hit_height[at] = height as f32;
         }
     }
