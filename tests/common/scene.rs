@@ -151,7 +151,7 @@ pub fn placement(paths: &[PathBuf]) -> Placement {
     sample.world.placements.into_iter().flatten().next().expect("a file that is drawn")
 }
 
-/// The points of a file as the `las` crate reads them, in world coordinates.
+/// The points of a file as the `las` crate reads them, in world coordinates; colours are taken for 16-bit ones.
 pub fn points(path: &Path, placement: &Placement) -> Vec<Point> {
     let mut reader = las::Reader::from_path(path).unwrap();
     let legacy = !reader.header().point_format().is_extended;
@@ -168,8 +168,8 @@ pub fn points(path: &Path, placement: &Placement) -> Vec<Point> {
             // The crate makes a flag of the old overlap class.
             class: if legacy && p.is_overlap { 12 } else { class },
             intensity: p.intensity,
-            rgb: [0; 3],
-            returns: 0,
+            rgb: p.color.map_or([0; 3], |c| [c.red, c.green, c.blue].map(|v| (v >> 8) as u8)),
+            returns: p.return_number | p.number_of_returns << 4,
             flags: u8::from(p.is_withheld) << 2,
         });
     }

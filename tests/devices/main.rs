@@ -15,6 +15,7 @@ mod live;
 mod scene;
 mod story;
 mod table;
+mod twins;
 
 use common::{LAVAPIPE, ORDERS, SWIFTSHADER, Setup};
 use lasray::attribute::{Attributes, ClassMask, ColorMode, ColorTable, Record};

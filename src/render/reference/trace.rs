@@ -1,0 +1,202 @@
+//! Rays to hits, the twin of `shaders/trace.glsl`: cell by cell in f64, without table or pyramid.
+
+use super::columns::{Column, ColumnMap};
+use crate::render::camera::RayBasis;
+use std::thread;
+
+/// What a ray struck.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Face {
+    /// The top of a column.
+    Top,
+    /// The side that faces west; the ray runs east.
+    West,
+    /// The side that faces east.
+    East,
+    /// The side that faces south.
+    South,
+    /// The side that faces north.
+    North,
+    /// None: the ray starts inside the column.
+    Inside,
+}
+
+/// Where a ray first meets a column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// From eye to hit along the ray, CRS units as seen.
+    pub distance: f64,
+    /// U of the hit, CRS units.
+    pub height: f64,
+    /// ASPRS class of the column.
+    pub class: u8,
+    /// What was struck.
+    pub face: Face,
+    /// floor(E / c), floor(N / c).
+    pub cell: [i64; 2],
+    /// The point that won the cell.
+    pub column: Column,
+}
+
+impl ColumnMap {
+    /// Walks the ray of a pixel (whole numbers = pixel centres) cell by cell to its first hit.
+    pub fn trace(&self, basis: &RayBasis, px: f64, py: f64) -> Option<Hit> {
+        let (o, d) = (basis.origin(px, py), basis.direction(px, py));
+        if self.is_empty() {
+            return None;
+        }
+        // Parameter at which the ray is at the top of height `u`.
+        let t_top = |u: f64| (u - o.z) / d.z;
+        let t_highest = t_top(self.highest);
+        let mut start = 0.0f64;
+        if d.z < 0.0 {
+            start = start.max(t_highest);
+        } else if o.z > self.highest {
+            return None;
+        }
+        let axes = [Axis { o: o.x, d: d.x, c: self.cell_size }, Axis { o: o.y, d: d.y, c: self.cell_size }];
+        for axis in 0..2 {
+            start =
+                start.max(axes[axis].entry(if d[axis] < 0.0 { self.last[axis] } else { self.first[axis] }));
+        }
+        let mut cell = [0; 2];
+        for axis in 0..2 {
+            cell[axis] = axes[axis].cell_at(start, self.first[axis], self.last[axis])?;
+        }
+        loop {
+            let enter = [axes[0].entry(cell[0]), axes[1].entry(cell[1])];
+            let leave = [axes[0].exit(cell[0]), axes[1].exit(cell[1])];
+            let t_in = enter[0].max(enter[1]).max(0.0);
+            let t_out = leave[0].min(leave[1]);
+            // Running west or south, the border left through belongs to the cell, the one entered by not.
+            let in_closed = (0..2).all(|a| enter[a] < t_in || d[a] >= 0.0);
+            let out_closed = (0..2).all(|a| leave[a] > t_out || d[a] < 0.0);
+            if let Some(&column) = self.column(cell)
+                && (t_in < t_out || (t_in == t_out && in_closed && out_closed))
+            {
+                let top = self.top(&column);
+                let t_top = t_top(top);
+                let below_on_entry = if d.z < 0.0 {
+                    t_in > t_top
+                } else if d.z > 0.0 {
+                    t_in < t_top || (t_in == t_top && in_closed)
+                } else {
+                    o.z <= top
+                };
+                let through_top =
+                    d.z < 0.0 && t_top >= t_in && (t_top < t_out || (t_top == t_out && out_closed));
+                let hit = |t: f64, height: f64, face: Face| Hit {
+                    distance: t * basis.length(px, py) + basis.distance_eye_to_plane(px, py),
+                    height,
+                    class: column.class,
+                    face,
+                    cell,
+                    column,
+                };
+                if below_on_entry {
+                    let face = if t_in > enter[0] && t_in > enter[1] {
+                        Face::Inside
+                    } else if enter[0] >= enter[1] {
+                        if d.x > 0.0 { Face::West } else { Face::East }
+                    } else if d.y > 0.0 {
+                        Face::South
+                    } else {
+                        Face::North
+                    };
+                    return Some(hit(t_in, o.z + t_in * d.z, face));
+                }
+                if through_top {
+                    return Some(hit(t_top, top, Face::Top));
+                }
+            }
+            if t_out == f64::INFINITY || (d.z > 0.0 && t_out > t_highest) {
+                return None;
+            }
+            // At a corner the borders entered by a positive step belong to the cell beyond, so those
+            // steps come first; of two alike both are taken at once.
+            let corner = leave[0] == leave[1] && (d.x > 0.0) != (d.y > 0.0);
+            for axis in 0..2 {
+                if leave[axis] == t_out && !(corner && d[axis] < 0.0) {
+                    cell[axis] += if d[axis] > 0.0 { 1 } else { -1 };
+                    if !(self.first[axis]..=self.last[axis]).contains(&cell[axis]) {
+                        return None;
+                    }
+                }
+            }
+        }
+    }
+
+    /// All pixels of an image, row by row from the top.
+    pub fn render(&self, basis: &RayBasis, [width, height]: [u32; 2]) -> Vec<Option<Hit>> {
+        let mut hits = vec![None; width as usize * height as usize];
+        let threads = thread::available_parallelism().map_or(1, |n| n.get());
+        let rows = (height as usize).div_ceil(threads).max(1);
+        thread::scope(|scope| {
+            for (band, hits) in hits.chunks_mut((rows * width as usize).max(1)).enumerate() {
+                scope.spawn(move || {
+                    for (k, hit) in hits.iter_mut().enumerate() {
+                        let [x, y] = [k % width as usize, band * rows + k / width as usize];
+                        *hit = self.trace(basis, x as f64, y as f64);
+                    }
+                });
+            }
+        });
+        hits
+    }
+}
+
+/// One horizontal axis of a ray. Where it is in which cell is decided by comparing parameters of border
+/// crossings alone, each computed from its border, so that nothing adds up on the way.
+#[derive(Clone, Copy)]
+struct Axis {
+    o: f64,
+    d: f64,
+    c: f64,
+}
+
+impl Axis {
+    fn crossing(&self, border: i64) -> f64 {
+        (border as f64 * self.c - self.o) / self.d
+    }
+
+    /// Parameter at which the ray enters cells of index `i`.
+    fn entry(&self, i: i64) -> f64 {
+        match self.d {
+            d if d > 0.0 => self.crossing(i),
+            d if d < 0.0 => self.crossing(i + 1),
+            _ => f64::NEG_INFINITY,
+        }
+    }
+
+    /// Parameter at which the ray leaves cells of index `i`.
+    fn exit(&self, i: i64) -> f64 {
+        match self.d {
+            d if d > 0.0 => self.crossing(i + 1),
+            d if d < 0.0 => self.crossing(i),
+            _ => f64::INFINITY,
+        }
+    }
+
+    /// Index of the cell at `t`, which is not before the entry into the range; `None` beyond the range.
+    fn cell_at(&self, t: f64, first: i64, last: i64) -> Option<i64> {
+        if self.d == 0.0 {
+            let i = (self.o / self.c).floor();
+            return (i >= first as f64 && i <= last as f64).then_some(i as i64);
+        }
+        // The division may be a border off; the crossings decide.
+        let guess = ((self.o + t * self.d) / self.c).floor();
+        let mut i = if guess.is_finite() { guess.clamp(first as f64, last as f64) as i64 } else { first };
+        let step = if self.d > 0.0 { 1 } else { -1 };
+        while (first..=last).contains(&(i - step)) && self.entry(i) > t {
+            i -= step;
+        }
+        // At a border: the cell beyond it running east or north, else the cell before it.
+        while if self.d > 0.0 { self.exit(i) <= t } else { self.exit(i) < t } {
+            i += step;
+            if !(first..=last).contains(&i) {
+                return None;
+            }
+        }
+        Some(i)
+    }
+}
