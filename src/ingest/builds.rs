@@ -6,12 +6,12 @@
 //! read twice does no harm.
 
 use super::bins::Shared;
-use super::input::Input;
+use super::input::{Input, OpenInput};
 use crate::coords::{Bounds, Extent, Grid, SectionKey};
 use crate::limits::LIMITS;
 use crate::section::PayloadKey;
 use crate::source::SourceError;
-use crate::source::known::{Known, RawBounds, Told};
+use crate::source::known::{RawBounds, Told};
 use glam::DVec3;
 use roaring::RoaringBitmap;
 use std::collections::{HashMap, HashSet, VecDeque};
@@ -19,20 +19,6 @@ use std::sync::Arc;
 
 /// Finest cells: first, and the one after the last.
 pub type Cells = [[i32; 2]; 2];
-
-/// A file that is to be read, and where.
-pub struct OpenInput {
-    /// How to read it.
-    pub input: Input,
-    /// World box without stray points.
-    pub bounds: Option<Bounds>,
-    /// World box that no point lies outside of, where that is known.
-    pub reach: Option<Bounds>,
-    /// Points lie in the nodes that a COPC hierarchy has them in.
-    pub in_nodes: bool,
-    /// What else is known of where its chunks lie.
-    pub known: Known,
-}
 
 /// A file as it is read here.
 pub struct Source {

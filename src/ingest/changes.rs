@@ -4,8 +4,9 @@
 //! as the threads that read let go of what they share. From then on [`Changes::is_outdated`] tells what was made before.
 
 use super::bins::Core;
-use super::builds::{Builds, OpenInput};
+use super::builds::Builds;
 use super::feed::{Arrival, Feed, FeedGuard};
+use super::input::OpenInput;
 use crate::section::{PayloadKey, PayloadKind};
 use std::collections::{HashMap, HashSet, VecDeque};
 

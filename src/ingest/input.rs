@@ -1,7 +1,9 @@
 //! A file that is to be read, and what its numbers mean: from raw records to world coordinates and colours.
 
 use super::bins::Meaning;
+use crate::coords::Bounds;
 use crate::sample::RgbDepth;
+use crate::source::known::Known;
 use crate::source::placement::Placement;
 use crate::source::{LidarFile, PointBlock};
 use glam::DVec3;
@@ -46,4 +48,18 @@ impl Meaning for Input {
     fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3] {
         block.rgb.get(i).map_or([0; 3], |&rgb| self.rgb.to_8_bit(rgb))
     }
+}
+
+/// A file that is to be read, and where.
+pub struct OpenInput {
+    /// How to read it.
+    pub input: Input,
+    /// World box without stray points.
+    pub bounds: Option<Bounds>,
+    /// World box that no point lies outside of, where that is known.
+    pub reach: Option<Bounds>,
+    /// Points lie in the nodes that a COPC hierarchy has them in.
+    pub in_nodes: bool,
+    /// What else is known of where its chunks lie.
+    pub known: Known,
 }

@@ -455,9 +455,8 @@ impl Derive {
         Ok(())
     }
 
-    /// A buffer that begins with `bytes`, of which there are no more than
-    /// `LIMITS.constant_bytes`: one that earlier passes are
-    /// known to be done with, if there is one.
+    /// A buffer that begins with `bytes`, of which there are no more than `LIMITS.constant_bytes`: one that earlier
+    /// passes are known to be done with, if there is one.
     fn constant(&mut self, order: &mut Order, bytes: &[u8]) -> Result<Buffer, GpuError> {
         let is_free = match self.constants.front() {
             Some((point, _)) => order.is_known_done(*point),

@@ -4,7 +4,7 @@ use super::args::{Args, Wait};
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::Core;
-use crate::ingest::builds::OpenInput;
+use crate::ingest::input::OpenInput;
 use crate::limits::LIMITS;
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::problems::Problems;
