@@ -7,7 +7,7 @@
 
 use super::bins::Shared;
 use super::input::{Input, OpenInput};
-use crate::coords::{Bounds, Extent, Grid, SectionKey};
+use crate::coords::{Extent, Grid, SectionKey};
 use crate::limits::LIMITS;
 use crate::section::PayloadKey;
 use crate::source::SourceError;
