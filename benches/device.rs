@@ -85,18 +85,18 @@ fn deriving(c: &mut Criterion) {
             assert!(scene.upload(*key, packed).expect("copied"));
         }
         scene.settle().expect("built");
-        scene.time();
+        scene.measure();
         // What shows nothing differs from both.
         let other = Visibility { classes: ClassMask::only(&[200]), ..shown };
         group.bench_function(name, |b| {
             b.iter_custom(|n| {
                 let mut sum = Duration::ZERO;
                 for _ in 0..n {
-                    scene.show(other).expect("built");
+                    scene.set_visibility(other).expect("built");
                     scene.wait().expect("built");
                     scene.take_times().expect("times");
                     let from = Instant::now();
-                    scene.show(shown).expect("built");
+                    scene.set_visibility(shown).expect("built");
                     scene.wait().expect("built");
                     sum += device_time(&mut scene, Work::Build, from.elapsed());
                 }
@@ -113,7 +113,7 @@ fn uploading(c: &mut Criterion) {
     let bytes: u64 = sections.iter().map(|(_, p)| 4 * p.words.len() as u64).sum();
     let mut group = c.benchmark_group("upload");
     group.throughput(Throughput::Bytes(bytes)).sample_size(10);
-    scene.time();
+    scene.measure();
     group.bench_function("ring to pool, host clock", |b| {
         b.iter_custom(|n| {
             let mut sum = Duration::ZERO;

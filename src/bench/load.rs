@@ -161,7 +161,7 @@ fn ours(scene: &mut Scene, case: &Case, threads: usize) -> anyhow::Result<[f64; 
     scene.settle()?;
     let upload = begin.elapsed().as_secs_f64() - read;
     let keys: Vec<_> = scene.entries().into_iter().map(|entry| entry.key).collect();
-    scene.remove(&keys)?;
+    scene.evict(&keys)?;
     scene.settle()?;
     Ok([read, upload, packing.as_secs_f64()])
 }

@@ -77,7 +77,7 @@ impl PoolPipeline {
         budget: u64,
     ) -> Result<PoolPipeline, FrameError> {
         let mut scene = Scene::new(gpu, |o: Order| o, access, budget, world.visibility, world.grid)?;
-        scene.time();
+        scene.measure();
         let renderer = Renderer::new(&scene, world.grid, world.anchor)?;
         let clock = Timestamps::new(gpu, "frame", QueueKind::Compute, PASSES)?;
         Ok(PoolPipeline { scene, renderer, clock, wanted: BTreeSet::new() })
@@ -98,7 +98,7 @@ impl PoolPipeline {
         let kept: BTreeSet<_> = windows.iter().flat_map(|w| sections(grown(*w))).collect();
         let gone: Vec<_> = self.wanted.difference(&kept).copied().collect();
         if !gone.is_empty() {
-            self.scene.remove(&gone)?;
+            self.scene.evict(&gone)?;
             self.wanted.retain(|key| !gone.contains(key));
         }
         let before = self.scene.counters().section_bytes;
@@ -128,7 +128,7 @@ impl PoolPipeline {
                     break;
                 }
                 let spare: Vec<_> = self.wanted.difference(keep).copied().collect();
-                self.scene.remove(&spare)?;
+                self.scene.evict(&spare)?;
                 self.wanted.retain(|key| keep.contains(key));
                 room = put(&mut self.scene)?;
             }

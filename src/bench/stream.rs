@@ -193,7 +193,7 @@ impl<'a> StreamCase<'a> {
         let access = Access::best(gpu, options.device_bytes / 2);
         let cell = grid.cell();
         let mut scene = Scene::new(gpu, |order: Order| order, access, options.device_bytes, seen, grid)?;
-        scene.time();
+        scene.measure();
         let middle = about.bounds.center().z;
         let anchor = grid.height(middle).context("heights are beyond what can be drawn")?;
         Ok(StreamCase {
@@ -249,7 +249,7 @@ impl<'a> StreamCase<'a> {
     /// Files as if they had never been looked at, and nothing on the device.
     fn start(&mut self) -> anyhow::Result<Live> {
         let all: Vec<_> = self.scene.resident().collect();
-        self.scene.remove(&all)?;
+        self.scene.evict(&all)?;
         self.scene.settle()?;
         self.scene.take_times()?;
         // What is wrong with the files was said when they were opened first.

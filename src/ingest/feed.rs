@@ -331,7 +331,7 @@ impl Feed {
     }
 
     /// Keeps what is learned of files there, now and then and at the end.
-    pub fn keep_learned(&self, cache: Cache) {
+    pub fn save_learned_to(&self, cache: Cache) {
         self.send(Message::Cache(cache));
     }
 

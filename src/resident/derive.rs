@@ -7,7 +7,7 @@
 
 use super::pool::{Access, Pool};
 use super::transfer::Queue;
-use super::visibility::{Carried, Visibility};
+use super::visibility::{ColumnData, Visibility};
 use super::work::{Recording, Work};
 use crate::coords::SECTION_SIDE;
 use crate::gpu::{
@@ -282,13 +282,13 @@ struct Parameters {
 }
 
 impl Parameters {
-    fn of(visibility: &Visibility, carried: Carried) -> Parameters {
+    fn of(visibility: &Visibility, column_data: ColumnData) -> Parameters {
         let words = visibility.classes.0;
         Parameters {
             visible: words,
             visible_withheld: if visibility.withheld { words } else { [0; 8] },
             bridge: visibility.bridge.min(LONGEST_BRIDGE),
-            values: (carried == Carried::Values).into(),
+            values: (column_data == ColumnData::Values).into(),
         }
     }
 }
@@ -329,7 +329,7 @@ impl Derive {
         &mut self,
         queue: &mut Queue,
         pool: &Pool,
-        (visibility, carried): (&Visibility, Carried),
+        (visibility, column_data): (&Visibility, ColumnData),
         [own, all]: [&[Task]; 2],
         copied: &[SyncPoint],
     ) -> Result<u64, GpuError> {
@@ -339,7 +339,7 @@ impl Derive {
         if own.is_empty() && all.is_empty() {
             return Ok(0);
         }
-        let parameters = Parameters::of(visibility, carried);
+        let parameters = Parameters::of(visibility, column_data);
         let parameters = self.constant(queue.order, bytemuck::bytes_of(&parameters))?;
         let run = Run { pool, bridge, parameters };
         let mut after = copied.to_vec();

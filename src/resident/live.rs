@@ -163,17 +163,17 @@ impl Live {
     }
 
     /// Shows or hides a file: the sections that it touches are made anew, from the files that touch those.
-    pub fn show_file(&mut self, source: usize, shown: bool) {
-        self.show_files(&[source], shown);
+    pub fn set_file_visible(&mut self, source: usize, shown: bool) {
+        self.set_files_visible(&[source], shown);
     }
 
     /// The same with several at once.
-    pub fn show_files(&mut self, sources: &[usize], shown: bool) {
+    pub fn set_files_visible(&mut self, sources: &[usize], shown: bool) {
         self.change(Change::Show(sources.to_vec(), shown));
     }
 
     /// Adds files; gives their numbers. `core`: of all.
-    pub fn add(&mut self, inputs: Vec<OpenInput>, core: Core) -> Vec<usize> {
+    pub fn add_files(&mut self, inputs: Vec<OpenInput>, core: Core) -> Vec<usize> {
         let sources = self.sources..self.sources + inputs.len();
         self.sources = sources.end;
         self.change(Change::Add(inputs, core));
@@ -348,7 +348,7 @@ impl Live {
 
     /// Takes off the device what is not seen: holes are bridged across the borders of sections, and a picture that is
     /// finished is not to depend on what was seen before.
-    pub fn drop_unseen(&mut self, scene: &mut Scene) -> Result<(), GpuError> {
+    pub fn evict_unseen(&mut self, scene: &mut Scene) -> Result<(), GpuError> {
         let wanted: HashSet<_> = self.demand.wanted().seen.iter().copied().collect();
         let unseen = |key: &PayloadKey| !wanted.contains(key) && key.kind != PayloadKind::Sample;
         let gone: Vec<_> = scene.resident().filter(unseen).collect();
@@ -364,7 +364,7 @@ impl Live {
 
     fn show(&mut self, scene: &Scene) {
         let payloads = &mut self.payloads;
-        self.demand.show(&|key| match scene.is_live(key) {
+        self.demand.show(&|key| match scene.is_published(key) {
             true => Some(true),
             false => payloads.cache.is_empty(key).then_some(false),
         });
@@ -403,7 +403,7 @@ impl Live {
     }
 
     /// Whether the sparse sample has arrived.
-    pub fn sampled(&self) -> bool {
+    pub fn has_sample(&self) -> bool {
         self.sample.is_there
     }
 
@@ -442,8 +442,8 @@ impl Live {
     }
 
     /// Keeps what is learned of files there, now and then and at the end.
-    pub fn keep_learned(&self, cache: Cache) {
-        self.feed.keep_learned(cache);
+    pub fn save_learned_to(&self, cache: Cache) {
+        self.feed.save_learned_to(cache);
     }
 
     /// Why nothing will be read any more, where that is so.

@@ -38,7 +38,7 @@ impl Payloads {
     pub fn begin_tick(&mut self, scene: &Scene) {
         self.tick += 1;
         if std::mem::take(&mut self.has_new_stale) {
-            self.stale.retain(|&key| scene.is_live(key) || scene.is_coming(key));
+            self.stale.retain(|&key| scene.is_published(key) || scene.is_uploading(key));
         }
     }
 
@@ -56,7 +56,8 @@ impl Payloads {
     pub fn trim(&mut self, scene: &Scene) {
         if self.used.len() > LIMITS.remembered_uses {
             let (cache, now) = (&self.cache, self.tick);
-            self.used.retain(|&key, used| *used == now || cache.get(key).is_some() || scene.is_live(key));
+            self.used
+                .retain(|&key, used| *used == now || cache.get(key).is_some() || scene.is_published(key));
         }
     }
 
@@ -89,7 +90,7 @@ impl Payloads {
         keys.iter().for_each(|key| {
             self.stale.remove(key);
         });
-        scene.remove(keys)
+        scene.evict(keys)
     }
 
     /// With what the scene knows.
@@ -112,7 +113,7 @@ pub struct OnDevice<P, S> {
 impl<P: AsRef<Payloads>, S: AsRef<Scene>> States for OnDevice<P, S> {
     fn state(&self, key: PayloadKey) -> SectionState {
         let (payloads, scene) = (self.payloads.as_ref(), self.scene.as_ref());
-        let device = match (scene.is_live(key), scene.is_coming(key)) {
+        let device = match (scene.is_published(key), scene.is_uploading(key)) {
             (false, false) => Device::Absent,
             (false, true) => Device::Uploading,
             (true, false) => Device::Published,

@@ -3,13 +3,13 @@
 //! A payload's *version* is copied once, into slots of its own ([`Scene::upload`], [`Scene::try_upload`]); then its derived
 //! part is built (columns under the mask, bridges and pyramid); when the host has seen that reached, it is *published*:
 //! tables may name it. Each of these steps happens in a call of [`Scene::advance`]. Another mask derives again what is
-//! resident and copies nothing. [`Scene::remove`] evicts.
+//! resident and copies nothing. [`Scene::evict`] evicts.
 
 use super::derive::{Changed, Derive, Task};
 use super::pool::{Access, Pool};
 use super::table::Entry;
 use super::transfer::{Queue, Slots, Ticket, Transfer};
-use super::visibility::{Carried, Visibility};
+use super::visibility::{ColumnData, Visibility};
 use super::work::{Submits, Work};
 use crate::attribute::Kinds;
 use crate::coords::{Grid, Height, SectionKey};
@@ -122,11 +122,11 @@ pub struct Scene {
     derive: Derive,
     sections: HashMap<PayloadKey, Resident>,
     visibility: Visibility,
-    carried: Carried,
+    column_data: ColumnData,
     grid: Grid,
     counters: Counters,
     generation: u64,
-    is_held: bool,
+    defers_uploads: bool,
 }
 
 /// What transfers and derived passes are submitted with, beside them.
@@ -154,18 +154,18 @@ impl Scene {
             derive: Derive::new(gpu),
             sections: HashMap::new(),
             visibility,
-            carried: Carried::Colors,
+            column_data: ColumnData::Colors,
             grid,
             counters: Counters::default(),
             generation: 0,
-            is_held: false,
+            defers_uploads: false,
         })
     }
 
     /// While held, [`Scene::try_upload`] puts everything off: the pipelines that it leads to are being made elsewhere.
     #[cfg(feature = "view")]
-    pub fn hold(&mut self, is_held: bool) {
-        self.is_held = is_held;
+    pub fn defer_uploads(&mut self, defers_uploads: bool) {
+        self.defers_uploads = defers_uploads;
     }
 
     /// Starts to copy a new version; the old one, if any, stays named until this one is published. `false` when the pool
@@ -202,7 +202,7 @@ impl Scene {
         payload: &Arc<Payload>,
     ) -> Result<Upload, GpuError> {
         let key = key.into();
-        if self.is_held || self.sections.get(&key).and_then(Resident::unsubmitted).is_some() {
+        if self.defers_uploads || self.sections.get(&key).and_then(Resident::unsubmitted).is_some() {
             return Ok(Upload::Later);
         }
         let layout = payload.layout;
@@ -242,7 +242,7 @@ impl Scene {
     }
 
     /// Measures every copy and build from now on; see [`Scene::take_times`].
-    pub fn time(&mut self) {
+    pub fn measure(&mut self) {
         self.submits.measure();
     }
 
@@ -254,7 +254,7 @@ impl Scene {
 
     /// Takes payloads out; their slots are free once nothing can read them any more. Their neighbours lose the
     /// bridges that led to them.
-    pub fn remove(&mut self, keys: &[impl Into<PayloadKey> + Copy]) -> Result<(), GpuError> {
+    pub fn evict(&mut self, keys: &[impl Into<PayloadKey> + Copy]) -> Result<(), GpuError> {
         if keys.is_empty() {
             return Ok(());
         }
@@ -330,7 +330,7 @@ impl Scene {
 
     /// Submits derived passes: those of sections alone for the first tasks, the others for the second.
     fn derive(&mut self, tasks: [&[Task]; 2], copied: &[SyncPoint]) -> Result<(), GpuError> {
-        let shown = (&self.visibility, self.carried);
+        let shown = (&self.visibility, self.column_data);
         let built = self.derive.run(queue!(self), self.transfer.pool(), shown, tasks, copied)?;
         self.counters.builds += built;
         Ok(())
@@ -430,7 +430,7 @@ impl Scene {
     }
 
     /// Shows other things: the derived parts of all resident sections are built again; nothing is copied.
-    pub fn show(&mut self, visibility: Visibility) -> Result<(), GpuError> {
+    pub fn set_visibility(&mut self, visibility: Visibility) -> Result<(), GpuError> {
         if visibility != self.visibility {
             self.visibility = visibility;
             self.generation += 1;
@@ -439,10 +439,10 @@ impl Scene {
         Ok(())
     }
 
-    /// Lets columns carry other things; as [`Scene::show`].
-    pub fn carry(&mut self, carried: Carried) -> Result<(), GpuError> {
-        if carried != self.carried {
-            self.carried = carried;
+    /// Lets columns carry other things; as [`Scene::set_visibility`].
+    pub fn set_column_data(&mut self, column_data: ColumnData) -> Result<(), GpuError> {
+        if column_data != self.column_data {
+            self.column_data = column_data;
             self.derive_all()?;
         }
         Ok(())
@@ -455,7 +455,7 @@ impl Scene {
     }
 
     /// Reads a published section back. For tests; waits.
-    pub fn read(&mut self, key: impl Into<PayloadKey>) -> Result<Option<ReadBack>, GpuError> {
+    pub fn read_back(&mut self, key: impl Into<PayloadKey>) -> Result<Option<ReadBack>, GpuError> {
         let Some(version) = self.sections.get(&key.into()).and_then(|r| r.published.as_ref()) else {
             return Ok(None);
         };
@@ -501,12 +501,12 @@ impl Scene {
 
     /// What a table may name now: published sections that show anything, in key order.
     pub fn entries(&self) -> Vec<Entry> {
-        self.entries_of(self.sections.keys().map(|&key| (key.section, key)))
+        self.entries_for(self.sections.keys().map(|&key| (key.section, key)))
     }
 
     /// The same for some places and the section that each is to show: its own, or a coarser one around it. In the
     /// order of the places.
-    pub fn entries_of(&self, shown: impl IntoIterator<Item = (SectionKey, PayloadKey)>) -> Vec<Entry> {
+    pub fn entries_for(&self, shown: impl IntoIterator<Item = (SectionKey, PayloadKey)>) -> Vec<Entry> {
         let highest = |key: &PayloadKey| self.highest(*key);
         let entry = |(at, key): (SectionKey, PayloadKey)| {
             let version = self.sections.get(&key)?.published.as_ref()?;
@@ -524,7 +524,7 @@ impl Scene {
     }
 
     /// Whether tables may name a section.
-    pub fn is_live(&self, key: impl Into<PayloadKey>) -> bool {
+    pub fn is_published(&self, key: impl Into<PayloadKey>) -> bool {
         self.sections.get(&key.into()).is_some_and(|resident| resident.published.is_some())
     }
 
@@ -534,7 +534,7 @@ impl Scene {
     }
 
     /// Whether a version of a section is on its way.
-    pub fn is_coming(&self, key: impl Into<PayloadKey>) -> bool {
+    pub fn is_uploading(&self, key: impl Into<PayloadKey>) -> bool {
         self.sections.get(&key.into()).is_some_and(|resident| resident.pending.is_some())
     }
 
@@ -556,7 +556,7 @@ impl Scene {
     }
 
     /// Tells that a frame which could read every published section was submitted.
-    pub fn drawn(&mut self, frame: SyncPoint) {
+    pub fn frame_submitted(&mut self, frame: SyncPoint) {
         self.submits.last_frame = Some(frame);
     }
 

@@ -23,7 +23,7 @@ impl Visibility {
 
 /// What columns show besides their class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Carried {
+pub enum ColumnData {
     /// RGB.
     Colors,
     /// Intensity and returns.

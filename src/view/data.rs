@@ -217,10 +217,10 @@ impl Data {
         Ok(data)
     }
 
-    /// While held, files are read, but nothing comes to the device: see [`Scene::hold`].
+    /// While held, files are read, but nothing comes to the device: see [`Scene::defer_uploads`].
     pub fn hold_uploads(&mut self, is_held: bool) {
         self.is_held = is_held;
-        self.scene_mut().hold(is_held);
+        self.scene_mut().defer_uploads(is_held);
     }
 
     /// Takes what has arrived, once a frame, and uploads about `upload_bytes` of it; the camera, the image's size and the
@@ -374,7 +374,7 @@ impl Data {
         about.whole.kinds.extend(&opening.about.kinds);
         let first = about.files.len();
         about.files.extend(opening.inputs.iter().map(file_about));
-        let sources = live.add(opening.inputs, core);
+        let sources = live.add_files(opening.inputs, core);
         for (file, source) in about.files[first..].iter_mut().zip(sources) {
             file.source = source;
         }
@@ -406,7 +406,7 @@ impl Data {
             }
         }
         if !gone.is_empty() {
-            live.show_files(&gone, false);
+            live.set_files_visible(&gone, false);
         }
         self.say(lines);
     }
@@ -470,7 +470,7 @@ impl Data {
         }
         for (sources, shown) in [(back, true), (lost, false)] {
             if !sources.is_empty() {
-                live.show_files(&sources, shown);
+                live.set_files_visible(&sources, shown);
             }
         }
         self.say(said);
@@ -501,7 +501,7 @@ impl Data {
         let host_bytes = self.options.host_bytes;
         let live = Live::new(inputs, grid, core, host_bytes, threads, move || wake());
         if let Some(cache) = &self.options.cache {
-            live.keep_learned(cache.clone());
+            live.save_learned_to(cache.clone());
         }
         self.live = Some(live);
         // What is under way on the device goes on under the same order.
@@ -513,7 +513,7 @@ impl Data {
         };
         let budget = self.options.device_bytes;
         let mut scene = Scene::new(gpu, keep, access(gpu, budget), budget, visibility, grid)?;
-        scene.hold(self.is_held);
+        scene.defer_uploads(self.is_held);
         self.scene = Some(scene);
         Ok(())
     }
@@ -556,7 +556,7 @@ impl Data {
         if let Some(live) = &mut self.live
             && !about.is_gone
         {
-            live.show_file(about.source, shown);
+            live.set_file_visible(about.source, shown);
         }
         self.is_complete = false;
     }

@@ -160,7 +160,7 @@ impl Viewer {
             .order
             .draw(&mut commands, &image, |commands| overlay.paint(commands, slot, &image, &drawing))?;
         let point = scene.order.submit(commands)?;
-        scene.drawn(point);
+        scene.frame_submitted(point);
         self.canvas.submitted(slot, point);
         if let Some(saving) = &mut self.saving {
             saving.submitted(slot, point);

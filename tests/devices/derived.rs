@@ -7,7 +7,7 @@ use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_COLUMNS, SECTION_SIDE, S
 use lasray::gpu::Order;
 use lasray::resident::pool::Access;
 use lasray::resident::scene::{ReadBack, Scene};
-use lasray::resident::visibility::{Carried, Visibility};
+use lasray::resident::visibility::{ColumnData, Visibility};
 use lasray::section::{Columns, Derived, Payload, column_at};
 use lasray::source::FLAG_WITHHELD;
 use std::collections::BTreeMap;
@@ -80,15 +80,15 @@ fn full() -> Payload {
 /// What a cell shows and its lattice height.
 type Tops = BTreeMap<(i32, i32), (u32, i32)>;
 
-fn tops(key: SectionKey, packed: &Payload, shown: &Visibility, carried: Carried, tops: &mut Tops) {
+fn tops(key: SectionKey, packed: &Payload, shown: &Visibility, column_data: ColumnData, tops: &mut Tops) {
     packed.columns(|column, runs| {
         let top = runs.iter().find(|r| shown.shows(r.class(), r.flags() & FLAG_WITHHELD != 0));
         if let Some(record) = top {
             let Attributes { height, class, rgb: [r, g, b], intensity, returns, .. } =
                 record.unpack().expect("a run");
-            let shows = match carried {
-                Carried::Colors => [r, g, b],
-                Carried::Values => [intensity as u8, (intensity >> 8) as u8, returns],
+            let shows = match column_data {
+                ColumnData::Colors => [r, g, b],
+                ColumnData::Values => [intensity as u8, (intensity >> 8) as u8, returns],
             };
             let shows = u32::from_le_bytes([shows[0], shows[1], shows[2], class]);
             let [x, y] = column_at(column).map(|v| v as i32);
@@ -118,12 +118,12 @@ fn bridge(tops: &Tops, at: IVec2, reach: i32) -> Option<(i32, IVec2)> {
     best.map(|(_, found)| found)
 }
 
-fn check(scene: &mut Scene, sections: &[(SectionKey, Payload)], shown: Visibility, carried: Carried) {
+fn check(scene: &mut Scene, sections: &[(SectionKey, Payload)], shown: Visibility, column_data: ColumnData) {
     let mut all = Tops::new();
-    sections.iter().for_each(|(key, packed)| tops(*key, packed, &shown, carried, &mut all));
+    sections.iter().for_each(|(key, packed)| tops(*key, packed, &shown, column_data, &mut all));
     let mut bridged = 0;
     for (key, _) in sections {
-        let ReadBack { layout, derived: words, .. } = scene.read(*key).unwrap().expect("live");
+        let ReadBack { layout, derived: words, .. } = scene.read_back(*key).unwrap().expect("live");
         let derived = Derived { wide: layout.code.wide };
         let code = |first: u32, k: usize| match derived.wide {
             true => words[first as usize + k],
@@ -191,7 +191,7 @@ fn derived_parts_are_as_specified() {
                 assert!(scene.upload(*key, &full).unwrap());
             }
             scene.settle().unwrap();
-            scene.remove(&keys).unwrap();
+            scene.evict(&keys).unwrap();
             scene.settle().unwrap();
             for (key, packed) in one_by_one {
                 assert!(scene.upload(*key, packed).unwrap());
@@ -201,9 +201,9 @@ fn derived_parts_are_as_specified() {
                 assert!(scene.upload(*key, packed).unwrap());
             }
             scene.settle().unwrap();
-            check(&mut scene, &sections, shown, Carried::Colors);
-            scene.carry(Carried::Values).unwrap();
-            check(&mut scene, &sections, shown, Carried::Values);
+            check(&mut scene, &sections, shown, ColumnData::Colors);
+            scene.set_column_data(ColumnData::Values).unwrap();
+            check(&mut scene, &sections, shown, ColumnData::Values);
             for (classes, withheld, bridge) in [
                 (ClassMask::only(&[2, 5, 6, 200]), true, 4),
                 (ClassMask::only(&[5, 200]), false, 4),
@@ -211,11 +211,11 @@ fn derived_parts_are_as_specified() {
                 (ClassMask::only(&[6]), true, 0),
             ] {
                 let shown = Visibility { classes, withheld, bridge };
-                scene.show(shown).unwrap();
-                scene.carry(Carried::Colors).unwrap();
-                check(&mut scene, &sections, shown, Carried::Colors);
-                scene.carry(Carried::Values).unwrap();
-                check(&mut scene, &sections, shown, Carried::Values);
+                scene.set_visibility(shown).unwrap();
+                scene.set_column_data(ColumnData::Colors).unwrap();
+                check(&mut scene, &sections, shown, ColumnData::Colors);
+                scene.set_column_data(ColumnData::Values).unwrap();
+                check(&mut scene, &sections, shown, ColumnData::Values);
             }
         }
         assert_eq!(gpu.messages(), [""; 0]);

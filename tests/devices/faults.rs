@@ -43,7 +43,7 @@ fn rest_is_whole(world: &mut World, paths: &[PathBuf], but: &[Cells]) -> usize {
         .filter(rest)
         .collect();
     for key in &rest {
-        let is = world.scene.read(*key).unwrap().unwrap().uploaded;
+        let is = world.scene.read_back(*key).unwrap().unwrap().uploaded;
         assert_eq!(Some(&is), all.get(key), "{key:?}");
     }
     rest.len()
@@ -138,7 +138,7 @@ fn hiding_one_of_many_files_reads_only_its_neighbours() {
             let before = world.live.status(&world.scene);
             let made = world.scene.counters().sections;
             let start = Instant::now();
-            world.live.show_file(hidden, is_shown);
+            world.live.set_file_visible(hidden, is_shown);
             let after = world.complete(&sight);
             let took = start.elapsed();
             let read = after.progress.bytes_read - before.progress.bytes_read;
@@ -278,11 +278,11 @@ fn no_frame_waits_for_threads_that_read() {
         let start = Instant::now();
         let more = load::open(&paths[..1], &options(), &mut Problems::default()).unwrap();
         let opened = start.elapsed();
-        world.live.show_file(0, false);
+        world.live.set_file_visible(0, false);
         world.live.pause(true);
         world.live.pause(false);
-        let added = world.live.add(more.inputs, more.core);
-        world.live.show_files(&added, false);
+        let added = world.live.add_files(more.inputs, more.core);
+        world.live.set_files_visible(&added, false);
         for _ in 0..20 {
             let tick = world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
             assert!(!tick.complete, "what was hidden is still there");

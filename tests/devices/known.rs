@@ -28,7 +28,7 @@ fn open(gpu: &Gpu, paths: &[PathBuf], cache: Option<&Cache>) -> (World, Vec<Stri
     let opening = load::open(paths, &options, &mut problems).unwrap();
     let world = World::of(gpu, opening, PLENTY, Access::Address, BRIDGED());
     if let Some(cache) = cache {
-        world.live.keep_learned(cache.clone());
+        world.live.save_learned_to(cache.clone());
     }
     (world, problems.lines())
 }

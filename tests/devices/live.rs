@@ -144,7 +144,7 @@ impl World {
         let shown = self.live.shown().to_vec();
         let own = |(at, from): &&Shown| PayloadKey::columns(*at) == *from;
         for (key, _) in shown.iter().filter(own) {
-            let is = self.scene.read(*key).unwrap().unwrap().uploaded;
+            let is = self.scene.read_back(*key).unwrap().unwrap().uploaded;
             assert_eq!(Some(&is), all.get(key), "{key:?}");
         }
         // Others stand in only for what is not seen.
@@ -246,7 +246,7 @@ fn pictures_do_not_depend_on_what_was_seen_before() {
             let sight = world.sight(camera, 1.0);
             world.complete(&sight);
             if alone {
-                world.live.drop_unseen(&mut world.scene).unwrap();
+                world.live.evict_unseen(&mut world.scene).unwrap();
             }
             world.picture(camera)
         };
@@ -301,7 +301,7 @@ fn hidden_files_are_taken_out_and_come_back() {
         let before = world.picture(&above);
         let (made, shown) = (sections(&world), world.live.shown().len());
 
-        world.live.show_file(0, false);
+        world.live.set_file_visible(0, false);
         world.complete(&sight);
         world.check(&without);
         // Only what the tile touches, and the sparse sample, were made anew.
@@ -310,7 +310,7 @@ fn hidden_files_are_taken_out_and_come_back() {
         let hidden = world.picture(&above);
         assert!(hidden.class.iter().zip(&before.class).filter(|(a, b)| a != b).count() > 500);
 
-        world.live.show_file(0, true);
+        world.live.set_file_visible(0, true);
         world.complete(&sight);
         world.check(&all);
         assert_eq!(world.picture(&above).color, before.color);
@@ -385,7 +385,7 @@ fn jumps_neither_leak_nor_wait() {
             world.complete(&above);
             let wanted: HashSet<SectionKey> = world.live.wanted().collect();
             let gone: Vec<_> = world.scene.resident().filter(|key| !wanted.contains(&key.section)).collect();
-            world.scene.remove(&gone).unwrap();
+            world.scene.evict(&gone).unwrap();
             let bytes: u64 = wanted.iter().map(|&key| world.scene.bytes_of(key)).sum();
             (world.scene.resident().count(), bytes, world.scene.pool().held_bytes(), resident_bytes())
         };
@@ -447,7 +447,7 @@ fn what_comes_into_sight_is_read_before() {
                 // The first second tells where it goes.
                 if known.insert(key) && frame > 30 {
                     new += 1;
-                    there += usize::from(world.scene.is_live(key));
+                    there += usize::from(world.scene.is_published(key));
                 }
             }
             std::thread::sleep(Duration::from_millis(20));

@@ -314,15 +314,15 @@ fn a_resting_camera_copies_nothing_and_no_version_is_copied_twice() {
 
         // Another mask builds every section once and copies none.
         let only = |classes: &[u8]| Visibility { classes: ClassMask::only(classes), ..BRIDGED() };
-        scene.show(only(&[6])).unwrap();
+        scene.set_visibility(only(&[6])).unwrap();
         let roofs = renderer.draw(&mut scene, &data.lit(camera, SIZE)).unwrap();
         assert!(pixels_that_differ(&roofs, &pictures[0]) > 1000);
         let masked = scene.counters();
         assert_eq!((masked.section_bytes, masked.sections), (first.section_bytes, first.sections));
         assert_eq!(masked.builds, first.builds + first.sections);
-        scene.show(only(&[6])).unwrap();
+        scene.set_visibility(only(&[6])).unwrap();
         assert_eq!(scene.counters(), masked, "the same mask");
-        scene.show(BRIDGED()).unwrap();
+        scene.set_visibility(BRIDGED()).unwrap();
         assert!(renderer.draw(&mut scene, &data.lit(camera, SIZE)).unwrap() == pictures[0]);
 
         // A new version of one section is copied, and nothing beside it.
@@ -403,7 +403,7 @@ fn sections_larger_than_the_ring_hold_no_frame_up() {
             assert!(bytes > 17 << 20, "{bytes} bytes");
             let keys = [0, 1, 2].map(|i| SectionKey { level: 0, i, j: 0 });
             assert_eq!(scene.try_upload(keys[0], &packed).unwrap(), Upload::Started);
-            assert!(scene.is_coming(keys[0]) && scene.staged_bytes() == bytes);
+            assert!(scene.is_uploading(keys[0]) && scene.staged_bytes() == bytes);
             assert_eq!(scene.try_upload(keys[1], &packed).unwrap(), Upload::Later, "one at a time");
             // Others pass, and more of them than the ring holds wait for a later frame.
             let of_ring = (16 << 20) / small.layout.uploaded_bytes() as i32;
@@ -411,7 +411,7 @@ fn sections_larger_than_the_ring_hold_no_frame_up() {
             let came: Vec<_> = more.map(|key| scene.try_upload(key, &small).unwrap()).collect();
             assert_eq!((came[0], came[came.len() - 1]), (Upload::Started, Upload::Later));
             let start = Instant::now();
-            while !scene.is_live(keys[0]) {
+            while !scene.is_published(keys[0]) {
                 assert!(start.elapsed() < Duration::from_secs(60), "it never comes");
                 scene.advance().unwrap();
                 std::thread::sleep(Duration::from_millis(2));
@@ -420,15 +420,15 @@ fn sections_larger_than_the_ring_hold_no_frame_up() {
             // One that is taken out on its way leaves nothing behind, and one that comes again is whole.
             assert_eq!(scene.try_upload(keys[1], &packed).unwrap(), Upload::Started);
             scene.advance().unwrap();
-            scene.remove(&keys[1..2]).unwrap();
+            scene.evict(&keys[1..2]).unwrap();
             assert_eq!(scene.try_upload(keys[2], &packed).unwrap(), Upload::Started);
             scene.advance().unwrap();
             assert!(scene.upload(keys[2], &packed).unwrap());
             scene.settle().unwrap();
             for key in [keys[0], keys[2]] {
-                assert!(scene.read(key).unwrap().unwrap().uploaded == packed.words);
+                assert!(scene.read_back(key).unwrap().unwrap().uploaded == packed.words);
             }
-            assert!(!scene.is_live(keys[1]) && !scene.is_busy());
+            assert!(!scene.is_published(keys[1]) && !scene.is_busy());
             assert_eq!(gpu.messages(), [""; 0]);
         });
     }
@@ -440,7 +440,7 @@ fn what_derived_passes_read_is_used_again() {
         let (gpu, data) = (setup.gpu(), town());
         let mut scene = data.scene(&gpu, Access::Address, BRIDGED());
         let mut show = |classes: &[u8]| {
-            scene.show(Visibility { classes: ClassMask::only(classes), ..BRIDGED() }).unwrap();
+            scene.set_visibility(Visibility { classes: ClassMask::only(classes), ..BRIDGED() }).unwrap();
             scene.settle().unwrap();
             scene.wait().unwrap();
             scene.order.collect().unwrap();

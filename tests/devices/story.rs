@@ -133,10 +133,10 @@ impl Story {
 impl Calm<'_> {
     /// The picture of `shown`.
     fn draw(&mut self, shown: &Shown, visibility: Visibility) -> Image {
-        self.scene.show(visibility).unwrap();
+        self.scene.set_visibility(visibility).unwrap();
         for (key, raised) in std::mem::take(&mut self.shown) {
             if shown.get(&key) != Some(&raised) {
-                self.scene.remove(&[key]).unwrap();
+                self.scene.evict(&[key]).unwrap();
             } else {
                 self.shown.insert(key, raised);
             }
@@ -165,7 +165,7 @@ impl Busy<'_> {
 
     fn show(&mut self, classes: ClassMask) {
         self.visibility.classes = classes;
-        self.scene.show(self.visibility).unwrap();
+        self.scene.set_visibility(self.visibility).unwrap();
     }
 
     /// Draws what there is, and compares. Gives what there was.
@@ -236,7 +236,7 @@ impl Busy<'_> {
         // Others in the same slots, while the device is at work on them.
         for (place, mask) in [(3, ground), (4, all), (5, ground), (0, all)] {
             self.show(mask);
-            self.scene.remove(&[self.story.key(place)]).unwrap();
+            self.scene.evict(&[self.story.key(place)]).unwrap();
             wanted.remove(&self.story.key(place));
             self.upload(SECTIONS + place, (40 + place) * steps);
             wanted.insert(self.story.key(SECTIONS + place), (40 + place) * steps);
@@ -248,7 +248,7 @@ impl Busy<'_> {
         self.rest("slots were used again", &wanted);
 
         // All gone, and one back.
-        wanted.keys().for_each(|&key| self.scene.remove(&[key]).unwrap());
+        wanted.keys().for_each(|&key| self.scene.evict(&[key]).unwrap());
         self.frame("nothing is left");
         self.upload(2, 0);
         self.rest("one is back", &Shown::from([(self.story.key(2), 0)]));

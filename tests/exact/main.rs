@@ -208,7 +208,7 @@ fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8])
     let mut wrong = check(&data, &map, &mut scene, &mut renderer, &name, &shots);
     if !mask.is_empty() {
         let classes = ClassMask::only(mask);
-        scene.show(Visibility { classes, ..MEASURED() }).unwrap();
+        scene.set_visibility(Visibility { classes, ..MEASURED() }).unwrap();
         let map = ColumnMap::build(
             points.iter().copied(),
             [data.grid.cell(), data.grid.height_step],

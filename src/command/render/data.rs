@@ -109,7 +109,7 @@ impl Filled {
                     live.keep_no_copies();
                 }
                 if let Some(cache) = args.cache() {
-                    live.keep_learned(cache);
+                    live.save_learned_to(cache);
                 }
                 Ok(Filled { scene, live: Some(live), points, sections: 0 })
             }
@@ -124,11 +124,11 @@ pub(super) fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Arg
         let tick = live.tick(scene, sight, LIMITS.fill_bytes)?;
         let enough = match args.wait {
             Wait::Complete => tick.complete,
-            Wait::None => tick.complete || live.sampled() && !live.shown().is_empty(),
+            Wait::None => tick.complete || live.has_sample() && !live.shown().is_empty(),
         };
         if enough {
             if args.wait == Wait::Complete {
-                live.drop_unseen(scene)?;
+                live.evict_unseen(scene)?;
             }
             break;
         }

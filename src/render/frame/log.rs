@@ -57,7 +57,7 @@ impl Renderer {
             let size = threads(rows) * thread_bytes;
             scene.order.readback(&mut commands, &[(log, back, BufferCopy { from: 0, to: 0, size })]);
             let point = scene.order.submit(commands)?;
-            scene.drawn(point);
+            scene.frame_submitted(point);
             let words = &mut words[..size as usize / 4];
             scene.order.read(point, back, 0, bytemuck::cast_slice_mut(words))?;
             each(width.div_ceil(side) as usize, words);

@@ -17,7 +17,7 @@ use crate::resident::live::Live;
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
 use crate::resident::table::Table;
-use crate::resident::visibility::Carried;
+use crate::resident::visibility::ColumnData;
 use crate::shared::passes::{BITS_CLASS_MASK, BITS_MISS, BITS_ORIGIN_MASK, BITS_ORIGIN_SHIFT};
 use bytemuck::Zeroable;
 #[cfg(feature = "view")]
@@ -27,8 +27,8 @@ use std::sync::Arc;
 /// Has the columns of `scene` show what `view` colours by. Before a frame begins: it may be work of its own.
 pub(in super::super) fn derive_colors(scene: &mut Scene, view: &View) -> Result<(), GpuError> {
     match view.colors.mode {
-        ColorMode::Rgb => scene.carry(Carried::Colors),
-        ColorMode::Intensity | ColorMode::Return => scene.carry(Carried::Values),
+        ColorMode::Rgb => scene.set_column_data(ColumnData::Colors),
+        ColorMode::Intensity | ColorMode::Return => scene.set_column_data(ColumnData::Values),
         ColorMode::Class | ColorMode::Height => Ok(()),
     }
 }
@@ -176,9 +176,9 @@ impl Renderer {
         Arc::new(Table::build(&scene.entries(), self.anchor))
     }
 
-    /// Places and the sections that they are to show, as far as those are live: see [`Scene::entries_of`].
+    /// Places and the sections that they are to show, as far as those are live: see [`Scene::entries_for`].
     pub fn table_of(&self, scene: &Scene, shown: &[Shown]) -> Arc<Table> {
-        Arc::new(Table::build(&scene.entries_of(shown.iter().copied()), self.anchor))
+        Arc::new(Table::build(&scene.entries_for(shown.iter().copied()), self.anchor))
     }
 
     /// The same of what `live` shows of `scene`, which are always the same two: made when either has changed.
@@ -241,7 +241,7 @@ impl Renderer {
             scene.order.readback(&mut commands, &copies);
         }
         let point = scene.order.submit(commands)?;
-        scene.drawn(point);
+        scene.frame_submitted(point);
         Ok(point)
     }
 
