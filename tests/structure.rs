@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use syn::visit::Visit;
 
 /// Top-level modules, from the ground up: each may import those before it.
-const FLOORS: [&str; 19] = [
+const FLOORS: [&str; 21] = [
+    "shared",
+    "limits",
     "text",
     "stop",
     "coords",
