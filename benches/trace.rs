@@ -105,10 +105,12 @@ struct Variant {
 }
 
 impl Variant {
-    fn recipes(&self) -> Vec<PipelineDesc> {
+    fn pipeline_descs(&self) -> Vec<PipelineDesc> {
         match self.way {
-            Way::Thesis(strip) => vec![Kernel::recipe(strip)],
-            Way::Pool { access, traversal, shade, options } => options.recipes(access, traversal, shade),
+            Way::Thesis(strip) => vec![Kernel::desc(strip)],
+            Way::Pool { access, traversal, shade, options } => {
+                options.pipeline_descs(access, traversal, shade)
+            }
         }
     }
 
@@ -759,32 +761,32 @@ fn compiled(gpu: &Gpu, variants: &[Variant]) -> anyhow::Result<Vec<Value>> {
     if !gpu.has_statistics() {
         return Ok(Vec::new());
     }
-    let mut recipes: Vec<(String, PipelineDesc)> = Vec::new();
+    let mut pipeline_descs: Vec<(String, PipelineDesc)> = Vec::new();
     #[cfg(feature = "view")]
-    let derived = lasray::resident::derived_recipes(Access::Address, true)[0].clone();
+    let derived = lasray::resident::derived_pipeline_descs(Access::Address, true)[0].clone();
     #[cfg(not(feature = "view"))]
     let derived = Vec::new();
     let passes = variants
         .iter()
         .filter(|variant| variant.group_size() <= gpu.limits().workgroup_size)
-        .flat_map(|variant| variant.recipes().into_iter().map(|recipe| (variant.name.clone(), recipe)));
-    for (name, recipe) in passes.chain(derived.into_iter().map(|recipe| ("derived".to_owned(), recipe))) {
+        .flat_map(|variant| variant.pipeline_descs().into_iter().map(|desc| (variant.name.clone(), desc)));
+    for (name, desc) in passes.chain(derived.into_iter().map(|desc| ("derived".to_owned(), desc))) {
         let same = |(_, known): &(String, PipelineDesc)| {
             (known.name, known.words.as_ptr(), &known.constants)
-                == (recipe.name, recipe.words.as_ptr(), &recipe.constants)
+                == (desc.name, desc.words.as_ptr(), &desc.constants)
         };
-        if !recipes.iter().any(same) {
-            recipes.push((name, recipe));
+        if !pipeline_descs.iter().any(same) {
+            pipeline_descs.push((name, desc));
         }
     }
     let mut rows = Vec::new();
-    for (variant, recipe) in recipes {
-        for executable in recipe.make(gpu)?.statistics()? {
+    for (variant, desc) in pipeline_descs {
+        for executable in desc.make(gpu)?.statistics()? {
             let all: serde_json::Map<_, _> =
                 executable.statistics.into_iter().map(|(name, value)| (name, json!(value))).collect();
             rows.push(json!({
-                "pass": recipe.name, "variant": variant, "subgroup_size": executable.subgroup_size,
-                "constants": recipe.constants, "statistics": all,
+                "pass": desc.name, "variant": variant, "subgroup_size": executable.subgroup_size,
+                "constants": desc.constants, "statistics": all,
             }));
         }
     }

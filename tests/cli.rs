@@ -263,6 +263,7 @@ fn broken_hierarchy() -> Vec<u8> {
     with(bytes, 375 + 54 + 40, &u64::MAX.to_le_bytes())
 }
 
+#[expect(clippy::too_many_lines, reason = "a table")]
 fn bad_files() -> Vec<Case> {
     let f = |value: f64| value.to_le_bytes();
     let mut cases = vec![
@@ -864,6 +865,7 @@ fn a_path_can_be_stopped() {
 }
 
 #[test]
+#[expect(clippy::too_many_lines, reason = "a table")]
 fn inputs_and_outputs() {
     let two = |folder: &Path| {
         for name in ["a.las", "b.las"] {

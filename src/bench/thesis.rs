@@ -128,17 +128,17 @@ pub struct Kernel {
 impl Kernel {
     /// `group`: pixels that a workgroup covers.
     pub fn new(gpu: &Gpu, group: [u32; 2]) -> Result<Kernel, GpuError> {
-        let screen = Kernel::recipe(group).make(gpu)?;
-        let records = Kernel::recipe_of(group, shaders::THESIS, false).make(gpu)?;
+        let screen = Kernel::desc(group).make(gpu)?;
+        let records = Kernel::desc_of(group, shaders::THESIS, false).make(gpu)?;
         Ok(Kernel { screen, records, group })
     }
 
-    /// The program that is timed.
-    pub fn recipe(group: [u32; 2]) -> PipelineDesc {
-        Kernel::recipe_of(group, shaders::THESIS, true)
+    /// The pipeline that is timed.
+    pub fn desc(group: [u32; 2]) -> PipelineDesc {
+        Kernel::desc_of(group, shaders::THESIS, true)
     }
 
-    fn recipe_of(group: [u32; 2], words: &'static [u32], screen: bool) -> PipelineDesc {
+    fn desc_of(group: [u32; 2], words: &'static [u32], screen: bool) -> PipelineDesc {
         PipelineDesc {
             name: "thesis",
             words,
@@ -465,13 +465,13 @@ impl Thesis {
         let bytes = |rows: u32| 4 * LOG_WORDS as u64 * u64::from(width) * u64::from(rows);
         let log = Buffer::new(gpu, "log", MemoryKind::Device, bytes(LOG_ROWS))?;
         let back = Buffer::new(gpu, "log read back", MemoryKind::Readback, bytes(LOG_ROWS))?;
-        let program = Kernel::recipe_of(self.kernel.group, shaders::THESIS_LOGGED, false).make(gpu)?;
+        let pipeline = Kernel::desc_of(self.kernel.group, shaders::THESIS_LOGGED, false).make(gpu)?;
         let mut words = vec![0u32; bytes(LOG_ROWS) as usize / 4];
         for first_row in (0..height).step_by(LOG_ROWS as usize) {
             let rows = LOG_ROWS.min(height - first_row);
             let (mut commands, constants) = self.begin(view, world, &log)?;
             let push = FramePush::new(&constants, [0, 1], [first_row, rows]);
-            self.dispatch(&mut commands, &program, push, rows)?;
+            self.dispatch(&mut commands, &pipeline, push, rows)?;
             let all = BufferCopy { from: 0, to: 0, size: bytes(rows) };
             self.order.readback(&mut commands, &[(&log, &back, all)]);
             let point = self.order.submit(commands)?;
@@ -485,13 +485,13 @@ impl Thesis {
     fn dispatch(
         &self,
         commands: &mut Commands,
-        program: &ComputePipeline,
+        pipeline: &ComputePipeline,
         push: FramePush,
         rows: u32,
     ) -> Result<(), GpuError> {
-        commands.bind(program);
+        commands.bind(pipeline);
         commands.push(bytemuck::bytes_of(&push));
-        commands.bind_buffers(&program.binding(&[&self.constants])?);
+        commands.bind_buffers(&pipeline.binding(&[&self.constants])?);
         commands.dispatch(self.groups(rows));
         Ok(())
     }

@@ -3,7 +3,7 @@
 //! A set of files lies in a folder of its own, `bench/town-…` in the user's cache folder, named by everything that makes
 //! it: what was asked for, the program's version, and a digest of a small file that was made likewise, so that another
 //! generator has other names. The folder gets its name when it is complete, with a list of its files, their sizes and
-//! checksums (XXH3); what does not match its list is made anew. The sets that were used least recently make room for others.
+//! checksums (XXH3); what does not match its list is made again. The sets that were used least recently make room for others.
 
 use super::failure::Stopped;
 use crate::load;

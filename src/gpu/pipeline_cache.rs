@@ -27,7 +27,7 @@ const VERSION: u32 = 1;
 const SUM_BYTES: usize = 8;
 /// Bytes of what a driver gives that holds no pipeline: a `VkPipelineCacheHeaderVersionOne`.
 const BARE_BYTES: usize = 32;
-/// Most bytes of a file. Pipelines of versions that are gone pile up in it: when it is full it begins anew.
+/// Most bytes of a file. Pipelines of versions that are gone pile up in it: when it is full it is emptied.
 const MAX_FILE_BYTES: usize = 32 << 20;
 /// What the folder's other files are named like while they are being written, so that what a crash leaves is found.
 const UNFINISHED: [&str; 2] = ["lasray-", ".part"];

@@ -257,7 +257,7 @@ impl Binner {
             bins.outside.fetch_add(outside, Ordering::Relaxed);
             bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
             bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);
-            // Coarser cells are counted anew; only then, or what is new would be counted twice.
+            // Coarser cells are counted again; only then, or what is new would be counted twice.
             drop(grid);
             first = next;
             bins.fit();

@@ -299,7 +299,7 @@ impl Builds {
         self.changed(source);
     }
 
-    /// Sections that a file touches are to be made anew.
+    /// Sections that a file touches are to be rebuilt.
     fn changed(&mut self, source: usize) {
         self.drop_touched(source);
         self.admit();
@@ -555,7 +555,7 @@ impl Builds {
         of_chunk.or_else(|| reach.filter(|known| reaches_out(cells, *known)).map(|_| Told::File))
     }
 
-    /// Forgets what was told of a file; what it touches is to be made anew.
+    /// Forgets what was told of a file; what it touches is to be rebuilt.
     fn distrust(&mut self, source: usize, told: Told) {
         let path = self.sources[source].input.file.path().display();
         let line = format!("{path}: {}", told.contradicted());
@@ -632,7 +632,7 @@ impl Builds {
         }
     }
 
-    /// Files whose points turned out to lie elsewhere than was believed: what they touch is to be made anew.
+    /// Files whose points turned out to lie elsewhere than was believed: what they touch is to be rebuilt.
     pub fn take_corrected(&mut self) -> Vec<usize> {
         std::mem::take(&mut self.corrected)
     }

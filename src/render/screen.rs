@@ -100,8 +100,8 @@ pub struct Screen {
     clocked: Option<u64>,
 }
 
-/// The pipeline of images in a window, beside those of [`super::frame::recipes`].
-pub fn recipe() -> PipelineDesc {
+/// The pipeline of images in a window, beside those of [`super::frame::pipeline_descs`].
+pub fn desc() -> PipelineDesc {
     let push_bytes = size_of::<ScreenPush>() as u32;
     PipelineDesc { name: "screen", words: shaders::SCREEN, constants: Vec::new(), push_bytes, bindings: &[] }
 }
@@ -193,7 +193,7 @@ impl Screen {
             scene.order.next_pass(commands);
             let pack = match self.pack.take() {
                 Some(pack) => pack,
-                None => recipe().make(scene.gpu())?,
+                None => desc().make(scene.gpu())?,
             };
             commands.bind(&pack);
             self.pack = Some(pack);

@@ -133,7 +133,7 @@ impl Pass {
         earlier.declared().writes.iter().any(touches)
     }
 
-    fn recipe(self, variant: Variant, access: Access) -> PipelineDesc {
+    fn desc(self, variant: Variant, access: Access) -> PipelineDesc {
         let declared = self.declared();
         let (words, push_bytes, bindings): (_, _, &[_]) = match access {
             Access::Address | Access::Texels => (declared.by_address, 16, &[]),
@@ -147,7 +147,7 @@ impl Pass {
 /// Pipelines of the derived passes: those of usual sections, with or without bridges, and all others. Whoever holds them
 /// makes uploads quick.
 #[cfg(feature = "view")]
-pub fn recipes(access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
+pub fn pipeline_descs(access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
     let all = (0..8u8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1)).flat_map(|variant| {
         let [_, all, bridge] = variant;
         let passes: &[Pass] = if all || bridge { &[Pass::Tops] } else { &Pass::ALL };
@@ -157,7 +157,7 @@ pub fn recipes(access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
         !wide && (pass != Pass::Tops || bridged == bridge) && (bridge || pass != Pass::Bridge)
     };
     let (usual, others): (Vec<_>, Vec<_>) = all.partition(is_usual);
-    [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.recipe(variant, access)).collect())
+    [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.desc(variant, access)).collect())
 }
 
 /// Of a section and its eight neighbours (row by row from the south-west), those whose columns have come, changed or
@@ -421,7 +421,7 @@ impl Derive {
         if let Some(known) = self.pipelines.get(&(pass, variant)) {
             return Ok(known.clone());
         }
-        let pipeline = pass.recipe(variant, access).make(&self.gpu)?;
+        let pipeline = pass.desc(variant, access).make(&self.gpu)?;
         self.pipelines.insert((pass, variant), pipeline.clone());
         Ok(pipeline)
     }

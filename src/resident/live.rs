@@ -162,7 +162,7 @@ impl Live {
         self.demand.set_domain(domain);
     }
 
-    /// Shows or hides a file: the sections that it touches are made anew, from the files that touch those.
+    /// Shows or hides a file: the sections that it touches are rebuilt, from the files that touch those.
     pub fn set_file_visible(&mut self, source: usize, shown: bool) {
         self.set_files_visible(&[source], shown);
     }
@@ -180,7 +180,7 @@ impl Live {
         sources.collect()
     }
 
-    /// Other files in the place of some: what either touches is made anew.
+    /// Other files in the place of some: what either touches is rebuilt.
     pub fn replace_files(&mut self, files: Vec<(usize, OpenInput)>, core: Core) {
         self.change(Change::Replace(files, core));
     }

@@ -18,5 +18,5 @@ pub mod visibility;
 mod work;
 
 #[cfg(feature = "view")]
-pub use derive::recipes as derived_recipes;
+pub use derive::pipeline_descs as derived_pipeline_descs;
 pub use work::Work;

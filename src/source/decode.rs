@@ -397,7 +397,7 @@ trait Records {
 struct Sequential<'f, 'i> {
     inner: SequentialPointRecordDecompressor<'f, ByteStream<'f>>,
     items: &'i [LazItem],
-    /// The coder starts anew after so many records.
+    /// The coder restarts after so many records.
     every: Option<u64>,
     /// Records since it started.
     since: u64,

@@ -21,7 +21,7 @@ const PATCH_METRES: f64 = 1024.0;
 const PATCH_DEGREES: f64 = 1.0 / 128.0;
 /// Farthest that a patch may be from the operation, metres.
 const PATCH_ERROR: f64 = 1e-4;
-/// Patches that are kept, some 25 MB, of 50,000 to 130,000 square kilometres; then all of them are made anew.
+/// Patches that are kept, some 25 MB, of 50,000 to 130,000 square kilometres; then all of them are made again.
 const MOST_PATCHES: usize = 1 << 17;
 /// Intervals on a side of a box whose border is followed: eight points between the corners.
 const INTERVALS: usize = 9;

@@ -25,12 +25,12 @@ pub struct Pipelines {
 }
 
 /// What the first image needs, what takes longest first; then the rest.
-fn recipes(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
+fn pipeline_descs(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
     let ([mut needed, more], [derived, others]) =
-        (frame::recipes(kind, access), resident::derived_recipes(access, bridge));
+        (frame::pipeline_descs(kind, access), resident::derived_pipeline_descs(access, bridge));
     needed.reverse();
     needed.extend(derived);
-    needed.push(screen::recipe());
+    needed.push(screen::desc());
     [needed, more.into_iter().chain(others).collect()]
 }
 
@@ -42,7 +42,7 @@ impl Pipelines {
         bridge: bool,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Pipelines {
-        let [needed, more] = recipes(gpu.info().kind, access, bridge);
+        let [needed, more] = pipeline_descs(gpu.info().kind, access, bridge);
         let count = needed.len();
         let all: Arc<[PipelineDesc]> = needed.into_iter().chain(more).collect();
         let (send, made) = unbounded();
@@ -55,9 +55,9 @@ impl Pipelines {
             std::thread::spawn(move || {
                 while !is_over.load(Ordering::Relaxed) {
                     let at = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(recipe) = all.get(at) else { return };
+                    let Some(desc) = all.get(at) else { return };
                     // The window may be gone.
-                    let _ = send.send((at, recipe.make(&gpu)));
+                    let _ = send.send((at, desc.make(&gpu)));
                     wake();
                 }
             })

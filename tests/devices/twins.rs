@@ -189,7 +189,7 @@ fn screen_is_as_its_twin() {
         let to = Buffer::new(&gpu, "bytes", MemoryKind::Device, bytes / 4).unwrap();
         let back = Buffer::new(&gpu, "bytes read back", MemoryKind::Readback, bytes / 4).unwrap();
         from.write(0, bytemuck::cast_slice(&sums));
-        let pipeline = lasray::render::screen::recipe().make(&gpu).unwrap();
+        let pipeline = lasray::render::screen::desc().make(&gpu).unwrap();
         let mut order = Order::new(&gpu, 1).unwrap();
         let (mut commands, _) = order.begin_frame("screen").unwrap();
         [&from, &to].iter().for_each(|&buffer| commands.keep(buffer.clone()));

@@ -20,7 +20,7 @@ pub(crate) use mirrors::{FrameConstants, FramePush, halves};
 pub(super) use mirrors::{HitRecord, sample_at};
 pub use options::{Background, Logged, PASSES, PassOptions, PassRepeats, Shade, Traversal, View};
 #[cfg(feature = "view")]
-pub use pipelines::recipes;
+pub use pipelines::pipeline_descs;
 pub(crate) use rays::ViewRays;
 pub use renderer::Renderer;
 #[cfg(feature = "view")]

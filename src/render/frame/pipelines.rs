@@ -71,7 +71,7 @@ static PLAIN: Variants = variants!(UNIFORM, PLAIN, PLAIN_TEXELS, PLAIN_SSBO);
 static SHADE: Variants = variants!(STORED, SHADE, SHADE_TEXELS, SHADE_SSBO);
 
 impl Variants {
-    fn recipe(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> PipelineDesc {
+    fn desc(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> PipelineDesc {
         let (words, bindings) = match access {
             Access::Address => (self.by_address, &self.bindings.by_address[..]),
             Access::Texels => (self.by_texels, &self.bindings.by_texels[..]),
@@ -94,7 +94,7 @@ fn passes(access: Access, options: PassOptions) -> [PipelineDesc; 4] {
         |[x, y]: [u32; 2]| vec![(ID_GROUP_X, x), (ID_GROUP_Y, y), (ID_DEALT, u32::from(options.dealt))];
     let beams = |name, side: u32, before: u32| {
         let sides = [(ID_SIDE, side), (ID_BEFORE, before)];
-        BEAM.recipe(name, access, [shared(options.beam_group), sides.to_vec()].concat())
+        BEAM.desc(name, access, [shared(options.beam_group), sides.to_vec()].concat())
     };
     let trace = [shared(options.group), vec![(ID_BEAMED, u32::from(options.beams))]].concat();
     let [mut wide_beams, mut beams] = [beams("wide beams", WIDE_TILE, 0), beams("beams", TILE, WIDE_TILE)];
@@ -106,54 +106,54 @@ fn passes(access: Access, options: PassOptions) -> [PipelineDesc; 4] {
     [
         wide_beams,
         beams,
-        TRACE.recipe("trace", access, trace),
-        SHADE.recipe("shade", access, shared(options.group)),
+        TRACE.desc("trace", access, trace),
+        SHADE.desc("shade", access, shared(options.group)),
     ]
 }
 
 impl Exact {
-    fn recipe(self, access: Access, options: PassOptions) -> PipelineDesc {
+    fn desc(self, access: Access, options: PassOptions) -> PipelineDesc {
         let Exact { ramped, screen } = self;
         let PassOptions { group, dealt, beams, .. } = options;
         let flags = [(ID_RAMPED, ramped), (ID_SCREEN, screen), (ID_DEALT, dealt), (ID_BEAMED, beams)];
         let flags = flags.map(|(id, on)| (id, u32::from(on)));
-        let mut recipe = EXACT.recipe(
+        let mut desc = EXACT.desc(
             "exact",
             access,
             [&[(ID_GROUP_X, group[0]), (ID_GROUP_Y, group[1])], &flags[..]].concat(),
         );
         if options.logged == Some(Logged::Trace) {
-            recipe.words = shaders::EXACT_LOGGED;
+            desc.words = shaders::EXACT_LOGGED;
         }
-        recipe
+        desc
     }
 }
 
 fn plain(access: Access, options: PassOptions) -> PipelineDesc {
     let [x, y] = options.group;
-    let mut recipe = PLAIN.recipe("plain", access, vec![(ID_GROUP_X, x), (ID_GROUP_Y, y)]);
+    let mut desc = PLAIN.desc("plain", access, vec![(ID_GROUP_X, x), (ID_GROUP_Y, y)]);
     if options.logged == Some(Logged::Trace) {
-        recipe.words = shaders::PLAIN_LOGGED;
+        desc.words = shaders::PLAIN_LOGGED;
     }
-    recipe
+    desc
 }
 
 impl PassOptions {
     /// The pipelines of an image's passes, in their order.
-    pub fn recipes(self, access: Access, traversal: Traversal, shade: Shade) -> Vec<PipelineDesc> {
+    pub fn pipeline_descs(self, access: Access, traversal: Traversal, shade: Shade) -> Vec<PipelineDesc> {
         let [wide_beams, beams, trace, shading] = passes(access, self);
-        let mut recipes = match traversal {
+        let mut pipeline_descs = match traversal {
             Traversal::Fast if self.beams => vec![wide_beams, beams],
             _ => Vec::new(),
         };
         match (traversal, shade) {
             (Traversal::Fast, Shade::None) => {
-                recipes.push(Exact { ramped: false, screen: true }.recipe(access, self));
+                pipeline_descs.push(Exact { ramped: false, screen: true }.desc(access, self));
             }
-            (Traversal::Fast, Shade::Lit) => recipes.extend([trace, shading]),
-            (Traversal::Plain, _) => recipes.extend([plain(access, self), shading]),
+            (Traversal::Fast, Shade::Lit) => pipeline_descs.extend([trace, shading]),
+            (Traversal::Plain, _) => pipeline_descs.extend([plain(access, self), shading]),
         }
-        recipes
+        pipeline_descs
     }
 }
 
@@ -180,7 +180,7 @@ pub(super) struct FramePipelines {
 
 impl FramePipelines {
     pub fn new(gpu: &Gpu, access: Access, options: PassOptions) -> Result<FramePipelines, GpuError> {
-        let [wide_beams, beams, trace, shade] = passes(access, options).map(|recipe| recipe.make(gpu));
+        let [wide_beams, beams, trace, shade] = passes(access, options).map(|desc| desc.make(gpu));
         Ok(FramePipelines {
             wide_beams: wide_beams?,
             beams: beams?,
@@ -238,7 +238,7 @@ impl FramePipelines {
         if let Some(pipeline) = self.exact.get(&exact) {
             return Ok(pipeline.clone());
         }
-        let pipeline = exact.recipe(self.access, self.options).make(gpu)?;
+        let pipeline = exact.desc(self.access, self.options).make(gpu)?;
         self.exact.insert(exact, pipeline.clone());
         Ok(pipeline)
     }
@@ -254,8 +254,8 @@ impl FramePipelines {
 /// Pipelines of a window's images: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
 /// and images quick.
 #[cfg(feature = "view")]
-pub fn recipes(kind: DeviceKind, access: Access) -> [Vec<PipelineDesc>; 2] {
+pub fn pipeline_descs(kind: DeviceKind, access: Access) -> [Vec<PipelineDesc>; 2] {
     let options = PassOptions::of(kind);
-    let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.recipe(access, options));
+    let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.desc(access, options));
     [passes(access, options).into(), exact.into()]
 }
