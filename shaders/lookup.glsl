@@ -33,9 +33,9 @@ uint find_around(int level, ivec2 index, out int at, out uint top) {
         // What is there has all its ancestors in the table; the finest of them are sections.
         if (slot == NO_NODE) break;
         top = node_top(slot);
-        if (at == level || is_section(top)) break;
+        if (at == level || is_section(top)) return slot;
     }
-    return slot;
+    return NO_NODE;
 }
 
 // The node that the last look-up was in: the next is nearly always in the same one.

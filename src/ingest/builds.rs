@@ -9,7 +9,7 @@ use super::bins::Shared;
 use super::input::{Input, OpenInput};
 use crate::coords::{Extent, Grid, SectionKey};
 use crate::limits::LIMITS;
-use crate::section::PayloadKey;
+use crate::section::{PayloadKey, PayloadKind};
 use crate::source::SourceError;
 use crate::source::known::{RawBounds, Told};
 use glam::DVec3;
@@ -345,6 +345,7 @@ impl Builds {
 
     /// What is wanted from now on, most urgent first. What is not wanted any more is kept while there is room.
     pub fn request(&mut self, order: Vec<PayloadKey>) {
+        debug_assert!(order.iter().all(|key| key.kind == PayloadKind::Columns), "samples are not requested");
         self.order = order;
         self.admit();
     }

@@ -34,7 +34,7 @@ const POINTS_OF_CELL: u64 = 3;
 /// Levels that its sections are coarser than the coarsest others, at least.
 const LEVELS_ABOVE: u8 = 1;
 /// Its coarsest level: the grid's anchor allows for no more.
-const COARSEST_LEVEL: u8 = 20;
+pub const COARSEST_LEVEL: u8 = 20;
 
 /// Level of the sections of a sample of `points` over `cells` finest cells; `root`: of the coarsest other sections.
 pub fn level(points: u64, cells: f64, root: u8) -> u8 {

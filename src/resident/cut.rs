@@ -5,6 +5,7 @@
 //! where its cells cover more than a pixel at its nearest point). It never depends on what is resident.
 
 use crate::coords::{Extent, Grid, SECTION_LOG2, SectionKey};
+use crate::ingest::sparse;
 use crate::limits::LIMITS;
 use crate::section::PayloadKey;
 use glam::DVec3;
@@ -206,18 +207,19 @@ impl Cut {
     pub fn shown(&self, live: &dyn Fn(PayloadKey) -> Option<bool>) -> Vec<Shown> {
         let mut shown = Vec::new();
         for &root in &self.roots {
-            match self.find(root, live) {
+            let root_level = self.nodes[root as usize].key.level;
+            match self.find(root, root_level, live) {
                 Found::Some(found) => shown.extend(found),
                 Found::Missing => {
                     let key = self.nodes[root as usize].key;
-                    shown.extend(stand_in(key, live).map(|from| (key, from)));
+                    shown.extend(stand_in(key, root_level, live).map(|from| (key, from)));
                 }
             }
         }
         shown
     }
 
-    fn find(&self, index: u32, live: &dyn Fn(PayloadKey) -> Option<bool>) -> Found {
+    fn find(&self, index: u32, root_level: u8, live: &dyn Fn(PayloadKey) -> Option<bool>) -> Found {
         let node = &self.nodes[index as usize];
         let Some(children) = &node.children else {
             return match live(node.key.into()) {
@@ -226,7 +228,7 @@ impl Cut {
                 None => Found::Missing,
             };
         };
-        let found = children.iter().flatten().map(|&child| (child, self.find(child, live)));
+        let found = children.iter().flatten().map(|&child| (child, self.find(child, root_level, live)));
         let (mut all, mut missing) = (Vec::new(), Vec::new());
         let mut some = false;
         for (child, found) in found {
@@ -241,19 +243,23 @@ impl Cut {
         if !some {
             return Found::Missing;
         }
-        all.extend(missing.into_iter().filter_map(|key| Some((key, stand_in(key, live)?))));
+        all.extend(missing.into_iter().filter_map(|key| Some((key, stand_in(key, root_level, live)?))));
         Found::Some(all)
     }
 }
 
-/// The finest payload that is there and holds all of `key`.
-fn stand_in(key: SectionKey, live: &dyn Fn(PayloadKey) -> Option<bool>) -> Option<PayloadKey> {
-    let around = || {
-        let all = std::iter::successors(Some(key), |key| Some(key.parent()));
-        all.take_while(|key| key.level <= MOST_LEVEL + 8)
-    };
-    let mut all = around().map(PayloadKey::columns).chain(around().map(PayloadKey::sample));
-    all.find(|&key| live(key) == Some(true))
+/// The finest payload that is there and holds all of `key`: columns up to the level of the roots, above which nothing is
+/// wanted any more, else the sparse sample, which is coarser.
+fn stand_in(
+    key: SectionKey,
+    root_level: u8,
+    live: &dyn Fn(PayloadKey) -> Option<bool>,
+) -> Option<PayloadKey> {
+    let around = || std::iter::successors(Some(key), |key| Some(key.parent()));
+    let columns = around().take_while(|key| key.level <= root_level).map(PayloadKey::columns);
+    let coarser = around().skip_while(|key| key.level <= root_level);
+    let samples = coarser.take_while(|key| key.level <= sparse::COARSEST_LEVEL).map(PayloadKey::sample);
+    columns.chain(samples).find(|&key| live(key) == Some(true))
 }
 
 #[cfg(test)]
@@ -369,6 +375,11 @@ mod tests {
         let one = wanted.iter().find(|(key, _)| key.level == 0).unwrap().0;
         let shown = cut.shown(&|key| if key == one.into() { Some(true) } else { root(key) });
         assert!(shown.contains(&(one, one.into())));
+        // Columns coarser than the roots are of other files: nothing stands in for anything.
+        assert!(
+            cut.shown(&|key| (key.kind == PayloadKind::Columns && key.section.level == 5).then_some(true))
+                .is_empty()
+        );
         assert!(shown.iter().all(|(at, from)| *at == one || from.section.level == 3));
         let covered: i64 = shown.iter().map(|(at, _)| area(*at)).sum();
         let all: i64 = members.iter().map(|&key| area(key)).sum();
@@ -388,6 +399,11 @@ mod tests {
         let is_sample = |(_, from): &&Shown| from.kind == PayloadKind::Sample;
         assert_eq!(shown.iter().filter(is_sample).count(), shown.len() - 1);
         assert!(shown.contains(&(one, one.into())));
+        // Columns coarser than the roots are of other files: nothing stands in for anything.
+        assert!(
+            cut.shown(&|key| (key.kind == PayloadKind::Columns && key.section.level == 5).then_some(true))
+                .is_empty()
+        );
     }
 
     #[test]

@@ -10,8 +10,9 @@ use std::collections::{HashMap, HashSet};
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 use std::time::Instant;
 
-/// In each tick: [`Demand::look`] where the view is another, [`Demand::look_ahead`], and, once what is there has changed,
-/// [`Demand::show`].
+/// In each tick: [`Demand::look`] where the view is another ([`Demand::refine_after_a_while`] before), [`Demand::look_ahead`],
+/// and, once what is there has changed, [`Demand::show`]. Where what is seen does not fit: [`Demand::coarsen`], and
+/// [`Demand::look`] again.
 pub struct Demand {
     domain: Domain,
     sight: Option<Sight>,
@@ -102,7 +103,7 @@ impl Demand {
         self.seen = wanted.into_iter().map(|(_, key)| key.into()).collect();
     }
 
-    /// What comes into sight if the camera goes on; gives whether that is another than in the last tick.
+    /// What comes into sight if the camera goes on; gives whether it was looked for.
     pub fn look_ahead(&mut self, sight: &Sight, has_moved: bool) -> bool {
         let now = self.started.elapsed().as_secs_f64();
         let by = if has_moved { self.motion.frame(sight.eye, now) } else { None };

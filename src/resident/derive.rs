@@ -6,9 +6,8 @@
 //! their reach of it.
 
 use super::pool::{Access, Pool};
-use super::transfer::Queue;
 use super::visibility::{ColumnData, Visibility};
-use super::work::{Recording, Work};
+use super::work::{Recording, Submitter, Work};
 use crate::coords::SECTION_SIDE;
 use crate::gpu::{
     BindingKind, Buffer, ComputePipeline, Gpu, GpuError, MemoryKind, Order, PipelineDesc, SyncPoint, shaders,
@@ -327,12 +326,14 @@ impl Derive {
     /// Gives how many sections were derived.
     pub fn run(
         &mut self,
-        queue: &mut Queue,
+        submitter: &mut Submitter,
         pool: &Pool,
         (visibility, column_data): (&Visibility, ColumnData),
         [own, all]: [&[Task]; 2],
         copied: &[SyncPoint],
     ) -> Result<u64, GpuError> {
+        // The first pass takes whole sections.
+        debug_assert!(own.iter().all(|task| task.changed == Changed::ITSELF));
         let bridge = visibility.bridge > 0;
         // Without bridges nothing follows from what neighbours hold.
         let all = if bridge { all } else { &[] };
@@ -340,31 +341,31 @@ impl Derive {
             return Ok(0);
         }
         let parameters = Parameters::of(visibility, column_data);
-        let parameters = self.constant(queue.order, bytemuck::bytes_of(&parameters))?;
+        let parameters = self.constant(submitter.order, bytemuck::bytes_of(&parameters))?;
         let run = Run { pool, bridge, parameters };
         let mut after = copied.to_vec();
         if pool.access() == Access::StorageBuffer {
             // Validation takes a bound buffer as touched all over.
-            after.extend(queue.submits.last_copy);
+            after.extend(submitter.submits.last_copy);
         }
         let mut built = None;
         for (passes, tasks) in Pass::phases(bridge).iter().zip([own, all]) {
             for tasks in tasks.chunks(LIMITS.submit_sections) {
                 let names: Vec<_> = passes.iter().map(|pass| pass.declared().name).collect();
-                let commands = queue.order.begin_build(&names.join(", "), &after)?;
-                let mut recording = queue.submits.start(commands)?;
+                let commands = submitter.order.begin_build(&names.join(", "), &after)?;
+                let mut recording = submitter.submits.start(commands)?;
                 for (k, &pass) in passes.iter().enumerate() {
                     if passes[..k].iter().any(|&earlier| pass.follows(earlier)) {
-                        queue.order.next_pass(&mut recording.commands);
+                        submitter.order.next_pass(&mut recording.commands);
                     }
-                    self.record(queue.order, &mut recording, &run, pass, tasks)?;
+                    self.record(submitter.order, &mut recording, &run, pass, tasks)?;
                 }
-                let point = queue.submits.submit(queue.order, Work::Build, recording)?;
+                let point = submitter.submits.submit(submitter.order, Work::Build, recording)?;
                 self.constants.extend(self.recorded.drain(..).map(|buffer| (point, buffer)));
                 built = Some(point);
             }
             if built.is_some() {
-                // What follows on this queue comes after it.
+                // What follows on this submitter comes after it.
                 after.clear();
             }
         }

@@ -209,9 +209,10 @@ impl Live {
 
     /// Does what can be done now for a camera that sees `sight`, uploading `most_bytes` at most.
     pub fn tick(&mut self, scene: &mut Scene, sight: &Sight, most_bytes: u64) -> Result<Tick, GpuError> {
-        self.payloads.begin_tick(scene);
+        self.payloads.begin_tick();
         self.take_news();
         self.apply_changes();
+        self.payloads.trim_stale(scene);
         self.staged_bytes = scene.staged_bytes();
         let is_sampled = self.take_arrivals();
         self.evict_outdated(scene, is_sampled)?;
@@ -237,7 +238,7 @@ impl Live {
         // A correction that has come meanwhile takes something away that seems to be there.
         let failed = self.feed.failed().is_some();
         let is_settled = !self.changes.is_pending() && !self.feed.has_notices() && !failed;
-        let complete = self.sample.is_there && self.missing(scene) == 0 && is_settled;
+        let complete = self.sample.is_there && !self.is_missing_any(scene) && is_settled;
         Ok(Tick { changed, complete, stuck: self.stuck, failed })
     }
 
@@ -258,13 +259,16 @@ impl Live {
 
     /// Takes off the device what is not of the files as they are and will not be replaced.
     fn evict_outdated(&mut self, scene: &mut Scene, is_sampled: bool) -> Result<(), GpuError> {
-        let mut samples = Vec::new();
+        // All of it since the files changed, until the new sample is there; then what turns out to be empty.
+        let mut resident = Vec::new();
         if self.sample.arrived.is_some() {
-            samples.extend(scene.resident().filter(|key| key.kind == PayloadKind::Sample));
+            resident.extend(scene.resident());
         }
         let sample = (self.sample.level, self.sample.arrived.as_ref().filter(|_| is_sampled));
-        let candidates = self.payloads.stale().filter(|key| key.kind == PayloadKind::Columns).chain(samples);
-        let outdated = policy::outdated(&self.payloads.on(scene), candidates, sample);
+        let stale = self.payloads.stale().filter(|&key| self.payloads.cache.is_empty(key));
+        let candidates: HashSet<_> = stale.chain(resident).collect();
+        let roots = self.demand.root_level();
+        let outdated = policy::outdated(&self.payloads.on(scene), candidates, roots, sample);
         if is_sampled {
             self.sample.arrived = None;
         }
@@ -327,6 +331,10 @@ impl Live {
 
     fn missing(&self, scene: &Scene) -> usize {
         policy::missing(self.demand.wanted(), &self.payloads.on(scene)).count()
+    }
+
+    fn is_missing_any(&self, scene: &Scene) -> bool {
+        policy::missing(self.demand.wanted(), &self.payloads.on(scene)).next().is_some()
     }
 
     /// Uploads what has arrived or is kept; gives whether what is seen is another for lack of room.

@@ -35,8 +35,12 @@ impl Payloads {
     }
 
     /// Another tick begins.
-    pub fn begin_tick(&mut self, scene: &Scene) {
+    pub fn begin_tick(&mut self) {
         self.tick += 1;
+    }
+
+    /// Nothing is stale that the device does not have. Call it when the files' changes have been applied.
+    pub fn trim_stale(&mut self, scene: &Scene) {
         if std::mem::take(&mut self.has_new_stale) {
             self.stale.retain(|&key| scene.is_published(key) || scene.is_uploading(key));
         }
@@ -56,8 +60,8 @@ impl Payloads {
     pub fn trim(&mut self, scene: &Scene) {
         if self.used.len() > LIMITS.remembered_uses {
             let (cache, now) = (&self.cache, self.tick);
-            self.used
-                .retain(|&key, used| *used == now || cache.get(key).is_some() || scene.is_published(key));
+            let is_on_device = |key| scene.is_published(key) || scene.is_uploading(key);
+            self.used.retain(|&key, used| *used == now || cache.get(key).is_some() || is_on_device(key));
         }
     }
 
@@ -149,7 +153,7 @@ impl Memory for OnDevice<&mut Payloads, &mut Scene> {
     type Error = GpuError;
 
     fn try_upload(&mut self, key: PayloadKey) -> Result<Upload, GpuError> {
-        let Some(payload) = self.payloads.cache.get(key) else { return Ok(Upload::Later) };
+        let payload = self.payloads.cache.get(key).expect("only what is in host memory is uploaded");
         let upload = self.scene.try_upload(key, payload)?;
         if upload == Upload::Started {
             self.payloads.stale.remove(&key);

@@ -1,4 +1,5 @@
-//! What is uploaded, evicted and requested: from what is wanted, and how far each payload is. Pure.
+//! What is uploaded, evicted and requested: from what is wanted, and how far each payload is. It knows no device: it asks
+//! [`States`], and what it decides is done by [`Memory`].
 //!
 //! A tick calls, in this order: [`outdated`], which is evicted; [`upload`], which evicts where there is no room; and
 //! [`requests`].
@@ -219,17 +220,19 @@ fn evictions(wanted: Wanted, states: &impl States, bytes: u64, for_ahead: bool) 
     spare.into_iter().take_while(enough).map(|(_, _, key)| key).collect()
 }
 
-/// What the device must not have any longer: what has become empty, and what is not of the present sparse sample, of which
-/// `sample` says the level and, once all of it has arrived, the sections.
+/// What the device must not have any longer: what has become empty, what is coarser than the roots (`root_level`), which
+/// nothing wants, and what is not of the present sparse sample, of which `sample` says the level and, once all of it has
+/// arrived, the sections.
 pub fn outdated(
     states: &impl States,
     candidates: impl IntoIterator<Item = PayloadKey>,
+    root_level: u8,
     (level, sample): (u8, Option<&HashSet<SectionKey>>),
 ) -> Vec<PayloadKey> {
     let is_outdated = |key: &PayloadKey| match key.kind {
         PayloadKind::Columns => {
             let state = states.state(*key);
-            state.is_stale && state.host == Host::Empty
+            key.section.level > root_level || state.is_stale && state.host == Host::Empty
         }
         PayloadKind::Sample => {
             key.section.level != level || sample.is_some_and(|sample| !sample.contains(&key.section))
@@ -279,13 +282,15 @@ mod tests {
     /// A device of `budget` bytes: what is evicted is free after the next step, what is uploaded published.
     struct Model {
         cache: HostCache,
-        /// Published, and of files as they were.
+        /// What the device has, and the bytes of it.
         device: HashMap<PayloadKey, (Device, u64)>,
         stale: HashSet<PayloadKey>,
         used: HashMap<PayloadKey, u64>,
         retired: u64,
         budget: u64,
         now: u64,
+        /// The next upload finds no room in the ring.
+        ring_is_full: bool,
         uploads: Vec<PayloadKey>,
         evicted: Vec<PayloadKey>,
     }
@@ -300,6 +305,7 @@ mod tests {
                 retired: 0,
                 budget,
                 now: 0,
+                ring_is_full: false,
                 uploads: Vec::new(),
                 evicted: Vec::new(),
             }
@@ -311,10 +317,19 @@ mod tests {
 
         /// The device is done with everything.
         fn step(&mut self) {
+            self.step_some(u32::MAX);
+        }
+
+        /// The device is done with the sections whose bit is set; with what was evicted if any is.
+        fn step_some(&mut self, done: u32) {
             self.now += 1;
-            self.retired = 0;
-            for (device, _) in self.device.values_mut() {
-                *device = Device::Published;
+            if done != 0 {
+                self.retired = 0;
+            }
+            for (key, (device, _)) in &mut self.device {
+                if done >> (key.section.i & 31) & 1 != 0 {
+                    *device = Device::Published;
+                }
             }
         }
 
@@ -379,6 +394,9 @@ mod tests {
             assert!(!state.is_uploading(), "{key:?} {state:?}");
             assert!(state.device == Device::Absent || state.is_stale, "{key:?} {state:?}");
             let [_, bytes] = self.bytes(key);
+            if std::mem::take(&mut self.ring_is_full) {
+                return Ok(Upload::Later);
+            }
             if self.held() + bytes > self.budget {
                 return Ok(if self.retired > 0 { Upload::Later } else { Upload::Full });
             }
@@ -420,33 +438,24 @@ mod tests {
         samples: Vec<(u8, u32)>,
         changed: Vec<u8>,
         most_bytes: u64,
+        /// Sections that the device is done with.
+        done: u32,
+        ring_is_full: bool,
     }
 
     fn view() -> impl Strategy<Value = View> {
         let keys = || prop::collection::hash_set(0u8..24, 0..12).prop_map(|set| set.into_iter().collect());
-        let arrivals = || prop::collection::vec((0u8..24, 0u32..200_000), 0..8);
-        (
-            keys(),
-            keys(),
-            arrivals(),
-            prop::collection::vec((0u8..4, 1u32..9000), 0..2),
-            keys(),
-            0u64..3_000_000,
+        let arrivals = prop::collection::vec((0u8..24, 0u32..200_000), 0..8);
+        let samples = prop::collection::vec((0u8..4, 1u32..9000), 0..2);
+        let device = (0u64..3_000_000, any::<u32>(), prop::bool::weighted(0.2));
+        (keys(), keys(), arrivals, samples, keys(), device).prop_map(
+            |(seen, ahead, arrivals, samples, mut changed, device): (Vec<u8>, Vec<u8>, _, _, Vec<u8>, _)| {
+                let (most_bytes, done, ring_is_full) = device;
+                changed.truncate(2);
+                let ahead = ahead.into_iter().filter(|key| !seen.contains(key)).collect();
+                View { seen, ahead, arrivals, samples, changed, most_bytes, done, ring_is_full }
+            },
         )
-            .prop_map(
-                |(seen, ahead, arrivals, samples, mut changed, most_bytes): (
-                    Vec<u8>,
-                    Vec<u8>,
-                    _,
-                    _,
-                    Vec<u8>,
-                    _,
-                )| {
-                    changed.truncate(2);
-                    let ahead = ahead.into_iter().filter(|key| !seen.contains(key)).collect();
-                    View { seen, ahead, arrivals, samples, changed, most_bytes }
-                },
-            )
     }
 
     proptest! {
@@ -460,7 +469,8 @@ mod tests {
         ) {
             let mut model = Model::new(budget << 20, most_copied);
             for view in views {
-                model.step();
+                model.step_some(view.done);
+                model.ring_is_full = view.ring_is_full;
                 let (seen, ahead): (Vec<_>, Vec<_>) =
                     (view.seen.iter().map(|&k| key(k)).collect(), view.ahead.iter().map(|&k| key(k)).collect());
                 for &k in &view.changed {
@@ -480,18 +490,24 @@ mod tests {
                 let wanted = Wanted { seen: &seen, ahead: &ahead, shown: &shown };
                 model.used.extend(seen.iter().chain(&ahead).map(|&key| (key, model.now)));
                 (model.uploads, model.evicted) = (Vec::new(), Vec::new());
-                let gone = outdated(&model, model.resident(), (9, None));
-                prop_assert!(gone.iter().all(|key| model.cache.is_empty(*key) && model.stale.contains(key)));
+                let gone = outdated(&model, model.resident(), 8, (9, None));
+                for key in model.resident() {
+                    prop_assert_eq!(gone.contains(&key), model.cache.is_empty(key) && model.stale.contains(&key));
+                }
                 model.evict(&gone).unwrap();
                 model.evicted.clear();
+                let sizes: HashMap<_, _> =
+                    (0..24).map(key).chain((0..4).map(sample)).map(|key| (key, model.bytes(key)[0])).collect();
                 let uploaded = upload(wanted, &mut model, Some(view.most_bytes)).unwrap();
                 model.check(wanted);
                 prop_assert!(model.cache.copied_bytes() <= most_copied);
                 // The last upload may go over what a frame may, no other.
-                let bytes = |key: &PayloadKey| model.device[key].1;
-                let before_last: u64 = model.uploads.iter().rev().skip(1).map(bytes).sum();
-                prop_assert!(before_last <= view.most_bytes + model.uploads.len() as u64 * (1 << 20));
-                prop_assert!(!uploaded.is_full || model.uploads.len() < seen.len() + 4);
+                let last = model.uploads.last().map_or(0, |key| sizes[key]);
+                prop_assert!(uploaded.bytes.saturating_sub(last) <= view.most_bytes);
+                prop_assert_eq!(uploaded.bytes, model.uploads.iter().map(|key| sizes[key]).sum::<u64>());
+                // Full is what holds nothing but what is seen, and samples.
+                let is_spare = |key: &PayloadKey| key.kind == PayloadKind::Columns && !seen.contains(key);
+                prop_assert!(!uploaded.is_full || !model.device.keys().any(is_spare));
                 // What has arrived waits only where it is wanted.
                 for key in model.arrived() {
                     let waits = key.kind == PayloadKind::Sample || seen.contains(&key) || ahead.contains(&key);
@@ -591,17 +607,68 @@ mod tests {
     }
 
     #[test]
+    fn what_was_used_longest_ago_is_evicted_first() {
+        let mut model = Model::new(payload(50_000).device_bytes() * 3, 1 << 30);
+        let before = [key(0), key(1), key(2)];
+        before.iter().for_each(|&key| model.arrive(key, 50_000));
+        let none = HashSet::new();
+        upload(Wanted { seen: &before, ahead: &[], shown: &none }, &mut model, Some(u64::MAX)).unwrap();
+        model.step();
+        model.used = HashMap::from([(key(0), 2), (key(1), 1), (key(2), 3)]);
+        model.arrive(key(3), 50_000);
+        upload(Wanted { seen: &[key(3)], ahead: &[], shown: &none }, &mut model, Some(u64::MAX)).unwrap();
+        assert_eq!(model.evicted, [key(1)]);
+    }
+
+    #[test]
+    fn what_will_be_seen_takes_nothing_from_what_is_shown() {
+        let mut model = Model::new(payload(50_000).device_bytes() * 3, 1 << 30);
+        let before = [key(0), key(1), key(2)];
+        before.iter().for_each(|&key| model.arrive(key, 50_000));
+        let none = HashSet::new();
+        upload(Wanted { seen: &before, ahead: &[], shown: &none }, &mut model, Some(u64::MAX)).unwrap();
+        model.step();
+        // One is shown as a stand-in, one will be seen as well: the third goes.
+        model.arrive(key(3), 50_000);
+        let shown = HashSet::from([key(0)]);
+        let wanted = Wanted { seen: &[], ahead: &[key(3), key(1)], shown: &shown };
+        upload(wanted, &mut model, Some(u64::MAX)).unwrap();
+        assert_eq!(model.evicted, [key(2)]);
+    }
+
+    #[test]
+    fn uploads_end_with_the_first_that_reaches_what_a_frame_may() {
+        let mut model = Model::new(1 << 40, 1 << 30);
+        let seen: Vec<_> = (0..4).map(key).collect();
+        seen.iter().for_each(|&key| model.arrive(key, 1000));
+        let none = HashSet::new();
+        let wanted = Wanted { seen: &seen, ahead: &[], shown: &none };
+        // Up to the first after so many bytes.
+        upload(wanted, &mut model, Some(4000)).unwrap();
+        assert_eq!(model.uploads.len(), 2);
+        model.step();
+        upload(wanted, &mut model, Some(0)).unwrap();
+        assert_eq!(model.uploads.len(), 3);
+    }
+
+    #[test]
     fn samples_of_other_files_go_once_the_new_one_is_there() {
         let mut model = Model::new(1 << 30, 0);
         let other_level = PayloadKey::sample(SectionKey { level: 10, i: 0, j: 0 });
-        for key in [sample(0), sample(1), other_level, key(0)] {
+        let above_roots = PayloadKey::columns(SectionKey { level: 9, i: 0, j: 0 });
+        for key in [sample(0), sample(1), other_level, key(0), above_roots] {
             model.device.insert(key, (Device::Published, 1));
         }
         let now = HashSet::from([sample(0).section]);
-        let mut gone = outdated(&model, model.resident(), (9, None));
-        assert_eq!(gone, [other_level]);
-        gone = outdated(&model, model.resident(), (9, Some(&now)));
+        let mut gone = outdated(&model, model.resident(), 8, (9, None));
         gone.sort();
-        assert_eq!(gone, [sample(1), other_level]);
+        assert_eq!(gone, [above_roots, other_level]);
+        gone = outdated(&model, model.resident(), 8, (9, Some(&now)));
+        gone.sort();
+        assert_eq!(gone, [above_roots, sample(1), other_level]);
+        // What has become empty.
+        model.stale.insert(key(0));
+        model.cache.insert(key(0), None, false);
+        assert!(outdated(&model, model.resident(), 9, (9, Some(&now))).contains(&key(0)));
     }
 }

@@ -8,9 +8,9 @@
 use super::derive::{Changed, Derive, Task};
 use super::pool::{Access, Pool};
 use super::table::Entry;
-use super::transfer::{Queue, Slots, Ticket, Transfer};
+use super::transfer::{Slots, Ticket, Transfer};
 use super::visibility::{ColumnData, Visibility};
-use super::work::{Submits, Work};
+use super::work::{Submits, Submitter, Work};
 use crate::attribute::Kinds;
 use crate::coords::{Grid, Height, SectionKey};
 use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, MemoryKind, Order, SyncPoint};
@@ -130,9 +130,9 @@ pub struct Scene {
 }
 
 /// What transfers and derived passes are submitted with, beside them.
-macro_rules! queue {
+macro_rules! submitter {
     ($scene:ident) => {
-        &mut Queue { order: &mut $scene.order, submits: &mut $scene.submits }
+        &mut Submitter { order: &mut $scene.order, submits: &mut $scene.submits }
     };
 }
 
@@ -162,7 +162,7 @@ impl Scene {
         })
     }
 
-    /// While held, [`Scene::try_upload`] puts everything off: the pipelines that it leads to are being made elsewhere.
+    /// While uploads are deferred, [`Scene::try_upload`] starts none: the pipelines that it leads to are being made elsewhere.
     #[cfg(feature = "view")]
     pub fn defer_uploads(&mut self, defers_uploads: bool) {
         self.defers_uploads = defers_uploads;
@@ -187,10 +187,12 @@ impl Scene {
     ) -> Result<bool, GpuError> {
         let key = key.into();
         if let Some(ticket) = self.sections.get(&key).and_then(Resident::unsubmitted) {
-            self.transfer.finish(queue!(self), &ticket)?;
+            self.transfer.finish(submitter!(self), &ticket)?;
         }
-        let Some(slots) = self.transfer.allocate_or_wait(queue!(self), &layout)? else { return Ok(false) };
-        let (ticket, highest_of) = self.transfer.upload(queue!(self), &slots, &layout, write)?;
+        let Some(slots) = self.transfer.allocate_or_wait(submitter!(self), &layout)? else {
+            return Ok(false);
+        };
+        let (ticket, highest_of) = self.transfer.upload(submitter!(self), &slots, &layout, write)?;
         self.add_version(key, Version { slots, layout, highest_of, state: State::Copying(ticket) });
         Ok(true)
     }
@@ -209,11 +211,11 @@ impl Scene {
         if self.transfer.waits_for_pieces(&layout) {
             return Ok(Upload::Later);
         }
-        let Some(slots) = self.transfer.allocate(queue!(self), &layout)? else {
+        let Some(slots) = self.transfer.allocate(submitter!(self), &layout)? else {
             return Ok(if self.transfer.has_freed() { Upload::Later } else { Upload::Full });
         };
-        let Some(ticket) = self.transfer.try_upload(queue!(self), &slots, payload)? else {
-            self.transfer.give_back(slots);
+        let Some(ticket) = self.transfer.try_upload(submitter!(self), &slots, payload)? else {
+            self.transfer.free(slots);
             return Ok(Upload::Later);
         };
         let (highest_of, state) = (payload.highest_of.clone(), State::Copying(ticket));
@@ -238,7 +240,7 @@ impl Scene {
 
     /// Submits the copies recorded so far.
     pub fn flush(&mut self) -> Result<(), GpuError> {
-        self.transfer.flush(queue!(self))
+        self.transfer.flush(submitter!(self))
     }
 
     /// Measures every copy and build from now on; see [`Scene::take_times`].
@@ -280,13 +282,13 @@ impl Scene {
     fn release(&mut self, version: Version) {
         let Submits { last_build, last_frame, .. } = self.submits;
         let uses = version.state.point().into_iter().chain(last_build).chain(last_frame).collect();
-        self.transfer.release(version.slots, uses);
+        self.transfer.retire(version.slots, uses);
     }
 
     /// Moves every version on that the device is done with: copied ones are built (together with the
     /// neighbours whose bridges they change), built ones are published. Never waits. Call it once a frame.
     pub fn advance(&mut self) -> Result<(), GpuError> {
-        self.transfer.advance(queue!(self))?;
+        self.transfer.advance(submitter!(self))?;
         let (mut copied, mut done) = (Vec::new(), Vec::new());
         for (&key, resident) in &self.sections {
             match resident.pending.as_ref().map(|version| &version.state) {
@@ -331,7 +333,7 @@ impl Scene {
     /// Submits derived passes: those of sections alone for the first tasks, the others for the second.
     fn derive(&mut self, tasks: [&[Task]; 2], copied: &[SyncPoint]) -> Result<(), GpuError> {
         let shown = (&self.visibility, self.column_data);
-        let built = self.derive.run(queue!(self), self.transfer.pool(), shown, tasks, copied)?;
+        let built = self.derive.run(submitter!(self), self.transfer.pool(), shown, tasks, copied)?;
         self.counters.builds += built;
         Ok(())
     }
@@ -339,6 +341,10 @@ impl Scene {
     /// What follows from columns of `keys` that have come, changed or gone: those sections and their neighbours.
     fn changed_by(&self, keys: impl Iterator<Item = PayloadKey>) -> BTreeMap<PayloadKey, Changed> {
         let mut changed: BTreeMap<_, Changed> = BTreeMap::new();
+        if self.visibility.bridge == 0 {
+            // Nothing follows from what neighbours hold.
+            return changed;
+        }
         for key in keys {
             for (n, neighbour) in around(key).into_iter().enumerate() {
                 // Seen from there it lies the other way.
@@ -423,7 +429,7 @@ impl Scene {
             let next = self.sections.values().filter_map(|r| r.pending.as_ref()?.state.point());
             match next.max_by_key(|p| p.value()) {
                 Some(point) => self.order.wait(point)?,
-                None if self.transfer.is_in_pieces() => self.transfer.wait_for_ring(queue!(self))?,
+                None if self.transfer.is_in_pieces() => self.transfer.wait_for_ring(submitter!(self))?,
                 None => return Ok(()),
             }
         }

@@ -1,14 +1,15 @@
 //! Payloads on their way to the device: slots of the pool, bytes through the upload ring, and which slots are free again
 //! when.
 //!
-//! The calls for one payload, in order: [`Transfer::allocate`] gives slots; [`Transfer::upload`] or
-//! [`Transfer::try_upload`] records the copy and gives a [`Ticket`]; [`Transfer::flush`] submits what is recorded, from
-//! when on the ticket names the copy's point; [`Transfer::release`] gives the slots back with all that may still use
-//! them; [`Transfer::reclaim`] frees them once that is over.
+//! The calls for one payload, in order: [`Transfer::allocate`] gives slots ([`Transfer::free`] takes them back where nothing
+//! was copied to them); [`Transfer::upload`] or [`Transfer::try_upload`] records the copy and gives a [`Ticket`];
+//! [`Transfer::flush`] submits what is recorded, from when on the ticket names the copy's point ([`Transfer::finish`] sees to
+//! that, [`Transfer::give_up`] ends a copy that is only begun); [`Transfer::retire`] gives the slots back with all that may
+//! still use them. [`Transfer::advance`], once a frame, submits what is recorded and frees retired slots whose uses are over.
 
 use super::pool::{Access, Part, Pool, Slot};
-use super::work::{Recording, Submits, Work};
-use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, Order, SyncPoint, UploadRing, stream_words};
+use super::work::{Recording, Submitter, Work};
+use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, SyncPoint, UploadRing, stream_words};
 use crate::limits::LIMITS;
 use crate::section::{HighestOf, Layout, Payload};
 use std::sync::{Arc, OnceLock};
@@ -32,8 +33,8 @@ impl Ticket {
     }
 
     fn end_at(&self, point: SyncPoint) {
-        // It is ended once, or was given up before.
-        let _ = self.0.set(point);
+        let is_first = self.0.set(point).is_ok();
+        debug_assert!(is_first, "a copy ends once");
     }
 
     fn is(&self, other: &Ticket) -> bool {
@@ -58,14 +59,6 @@ struct Freed {
     uses: Vec<SyncPoint>,
 }
 
-/// What copies are submitted with.
-pub struct Queue<'a> {
-    /// Who waits for whom.
-    pub order: &'a mut Order,
-    /// What was submitted before.
-    pub submits: &'a mut Submits,
-}
-
 /// See the module.
 pub struct Transfer {
     pool: Pool,
@@ -75,7 +68,7 @@ pub struct Transfer {
     ending: Vec<Ticket>,
     in_pieces: Option<InPieces>,
     freed: Vec<Freed>,
-    /// The latest work, of each queue, that used a slot which is free again: copies go after it.
+    /// The latest work, of each submitter, that used a slot which is free again: copies go after it.
     reclaimed: Vec<SyncPoint>,
     waits: u64,
 }
@@ -121,29 +114,33 @@ impl Transfer {
     }
 
     /// Slots for a payload, if there are any now.
-    pub fn allocate(&mut self, queue: &mut Queue, layout: &Layout) -> Result<Option<Slots>, GpuError> {
+    pub fn allocate(
+        &mut self,
+        submitter: &mut Submitter,
+        layout: &Layout,
+    ) -> Result<Option<Slots>, GpuError> {
         if let Some(slots) = self.slots(layout)? {
             return Ok(Some(slots));
         }
         // The copy being recorded knows nothing of slots that come back from here on.
-        self.flush(queue)?;
-        self.reclaim(queue)?;
+        self.flush(submitter)?;
+        self.reclaim(submitter)?;
         self.slots(layout)
     }
 
     /// The same, waiting for slots that were given back; `None` when there are none even after all of those are free.
     pub fn allocate_or_wait(
         &mut self,
-        queue: &mut Queue,
+        submitter: &mut Submitter,
         layout: &Layout,
     ) -> Result<Option<Slots>, GpuError> {
         loop {
-            if let Some(slots) = self.allocate(queue, layout)? {
+            if let Some(slots) = self.allocate(submitter, layout)? {
                 return Ok(Some(slots));
             }
             let Some(last_use) = self.freed.first().and_then(|f| f.uses.last()) else { return Ok(None) };
             self.waits += 1;
-            queue.order.wait(*last_use)?;
+            submitter.order.wait(*last_use)?;
         }
     }
 
@@ -165,7 +162,7 @@ impl Transfer {
     /// in the upload ring. Waits for older copies if it must.
     pub fn upload(
         &mut self,
-        queue: &mut Queue,
+        submitter: &mut Submitter,
         slots: &Slots,
         layout: &Layout,
         write: impl FnOnce(&mut [u32]) -> HighestOf,
@@ -173,20 +170,20 @@ impl Transfer {
         let len = layout.uploaded_bytes();
         let (page, offset) = self.place_of(slots);
         let highest_of = if len <= LIMITS.ring_bytes {
-            let from = self.reserve(queue, len)?;
+            let from = self.reserve(submitter, len)?;
             let highest_of =
                 self.ring.buffer().write_with(from, len, |bytes| write(bytemuck::cast_slice_mut(bytes)));
-            self.stage(queue, &page, offset, from, len)?;
+            self.stage(submitter, &page, offset, from, len)?;
             highest_of
         } else {
             let mut words = vec![0; layout.words as usize];
             let highest_of = write(&mut words);
             let piece_bytes = LIMITS.ring_bytes as usize / 2;
             for (piece, part) in bytemuck::cast_slice::<u32, u8>(&words).chunks(piece_bytes).enumerate() {
-                let from = self.reserve(queue, part.len() as u64)?;
+                let from = self.reserve(submitter, part.len() as u64)?;
                 self.ring.buffer().write(from, part);
                 let at = offset + (piece * piece_bytes) as u64;
-                self.stage(queue, &page, at, from, part.len() as u64)?;
+                self.stage(submitter, &page, at, from, part.len() as u64)?;
             }
             highest_of
         };
@@ -197,7 +194,7 @@ impl Transfer {
     /// [`Transfer::advance`]. `None`: the ring has no room now, or pieces of another are on their way.
     pub fn try_upload(
         &mut self,
-        queue: &mut Queue,
+        submitter: &mut Submitter,
         slots: &Slots,
         payload: &Arc<Payload>,
     ) -> Result<Option<Ticket>, GpuError> {
@@ -212,11 +209,11 @@ impl Transfer {
             self.in_pieces = Some(InPieces { payload, page, offset, copied: 0, ticket: ticket.clone() });
             return Ok(Some(ticket));
         }
-        let Some(from) = self.ring.reserve(queue.order, len)? else { return Ok(None) };
+        let Some(from) = self.ring.reserve(submitter.order, len)? else { return Ok(None) };
         self.ring.buffer().write_with(from, len, |bytes| {
             stream_words(bytemuck::cast_slice_mut(bytes), &payload.words);
         });
-        self.stage(queue, &page, offset, from, len)?;
+        self.stage(submitter, &page, offset, from, len)?;
         Ok(Some(self.ends_with_batch()))
     }
 
@@ -231,37 +228,37 @@ impl Transfer {
     }
 
     /// Records the copy of the next piece of a payload larger than the ring, if the ring has room for it now.
-    fn stage_piece(&mut self, queue: &mut Queue) -> Result<(), GpuError> {
-        let Some(mut large) = self.in_pieces.take() else { return Ok(()) };
-        let all = large.payload.uploaded_bytes();
-        let len = LIMITS.piece_bytes.min(all - large.copied);
-        if let Some(from) = self.ring.reserve(queue.order, len)? {
-            let words = &large.payload.words[large.copied as usize / 4..(large.copied + len) as usize / 4];
-            self.ring.buffer().write_with(from, len, |bytes| {
-                stream_words(bytemuck::cast_slice_mut(bytes), words);
-            });
-            self.stage(queue, &large.page, large.offset + large.copied, from, len)?;
+    fn stage_piece(&mut self, submitter: &mut Submitter) -> Result<(), GpuError> {
+        let Some(large) = &self.in_pieces else { return Ok(()) };
+        let (all, copied) = (large.payload.uploaded_bytes(), large.copied);
+        let len = LIMITS.piece_bytes.min(all - copied);
+        let Some(from) = self.ring.reserve(submitter.order, len)? else { return Ok(()) };
+        let words = &large.payload.words[copied as usize / 4..(copied + len) as usize / 4];
+        self.ring.buffer().write_with(from, len, |bytes| {
+            stream_words(bytemuck::cast_slice_mut(bytes), words);
+        });
+        let (page, at) = (large.page.clone(), large.offset + copied);
+        self.stage(submitter, &page, at, from, len)?;
+        if let Some(large) = &mut self.in_pieces {
             large.copied += len;
         }
-        if large.copied < all {
-            self.in_pieces = Some(large);
-        } else {
-            self.ending.push(large.ticket);
-        }
+        let is_over = self.in_pieces.take_if(|large| large.copied == all);
+        self.ending.extend(is_over.map(|large| large.ticket));
         Ok(())
     }
 
     /// Submits all of a copy, waiting for the ring if it must.
-    pub fn finish(&mut self, queue: &mut Queue, ticket: &Ticket) -> Result<(), GpuError> {
+    pub fn finish(&mut self, submitter: &mut Submitter, ticket: &Ticket) -> Result<(), GpuError> {
         while self.in_pieces.as_ref().is_some_and(|large| large.ticket.is(ticket)) {
-            self.wait_for_ring(queue)?;
-            self.stage_piece(queue)?;
+            self.wait_for_ring(submitter)?;
+            self.stage_piece(submitter)?;
         }
-        if ticket.point().is_none() { self.flush(queue) } else { Ok(()) }
+        if ticket.point().is_none() { self.flush(submitter) } else { Ok(()) }
     }
 
     /// Copies no more of a payload: what was copied of it ends with the last copy. Call it when nothing is recorded.
     pub fn give_up(&mut self, ticket: &Ticket, last_copy: Option<SyncPoint>) {
+        debug_assert!(self.batch.is_none(), "what is recorded ends later than the last copy");
         if self.in_pieces.take_if(|large| large.ticket.is(ticket)).is_some()
             && let Some(point) = last_copy
         {
@@ -270,21 +267,21 @@ impl Transfer {
     }
 
     /// A place for `len` bytes in the upload ring: waits for older copies if it must.
-    fn reserve(&mut self, queue: &mut Queue, len: u64) -> Result<u64, GpuError> {
+    fn reserve(&mut self, submitter: &mut Submitter, len: u64) -> Result<u64, GpuError> {
         loop {
-            if let Some(from) = self.ring.reserve(queue.order, len)? {
+            if let Some(from) = self.ring.reserve(submitter.order, len)? {
                 return Ok(from);
             }
-            self.wait_for_ring(queue)?;
+            self.wait_for_ring(submitter)?;
         }
     }
 
     /// Waits until a part of the ring is free that is not now.
-    pub fn wait_for_ring(&mut self, queue: &mut Queue) -> Result<(), GpuError> {
-        self.flush(queue)?;
+    pub fn wait_for_ring(&mut self, submitter: &mut Submitter) -> Result<(), GpuError> {
+        self.flush(submitter)?;
         if let Some(oldest) = self.ring.oldest() {
             self.waits += 1;
-            queue.order.wait(oldest)?;
+            submitter.order.wait(oldest)?;
         }
         Ok(())
     }
@@ -292,7 +289,7 @@ impl Transfer {
     /// Records the copy of `len` bytes at `from` of the ring to byte `at` of a page.
     fn stage(
         &mut self,
-        queue: &mut Queue,
+        submitter: &mut Submitter,
         page: &Buffer,
         at: u64,
         from: u64,
@@ -304,10 +301,11 @@ impl Transfer {
                 let mut after = self.reclaimed.clone();
                 if self.pool.access() == Access::StorageBuffer {
                     // Validation takes a bound buffer as touched all over.
-                    after.extend(queue.submits.last_build.into_iter().chain(queue.submits.last_frame));
+                    after
+                        .extend(submitter.submits.last_build.into_iter().chain(submitter.submits.last_frame));
                 }
-                let commands = queue.order.begin_copy("uploads", &after)?;
-                queue.submits.start(commands)?
+                let commands = submitter.order.begin_copy("uploads", &after)?;
+                submitter.submits.start(commands)?
             }
         };
         let range = BufferCopy { from, to: at, size: len };
@@ -317,39 +315,39 @@ impl Transfer {
     }
 
     /// Submits the copies recorded so far.
-    pub fn flush(&mut self, queue: &mut Queue) -> Result<(), GpuError> {
+    pub fn flush(&mut self, submitter: &mut Submitter) -> Result<(), GpuError> {
         let Some(recording) = self.batch.take() else { return Ok(()) };
-        let point = queue.submits.submit(queue.order, Work::Copy, recording)?;
+        let point = submitter.submits.submit(submitter.order, Work::Copy, recording)?;
         self.ring.seal(point);
         self.ending.drain(..).for_each(|ticket| ticket.end_at(point));
         Ok(())
     }
 
     /// What a frame does: the next piece, submitted with all that is recorded, and slots freed. Never waits.
-    pub fn advance(&mut self, queue: &mut Queue) -> Result<(), GpuError> {
-        self.stage_piece(queue)?;
-        self.flush(queue)?;
-        self.reclaim(queue)
+    pub fn advance(&mut self, submitter: &mut Submitter) -> Result<(), GpuError> {
+        self.stage_piece(submitter)?;
+        self.flush(submitter)?;
+        self.reclaim(submitter)
     }
 
-    /// Gives slots back that nothing was copied to.
-    pub fn give_back(&mut self, slots: Slots) {
+    /// Frees slots that nothing uses.
+    pub fn free(&mut self, slots: Slots) {
         self.pool.free(slots.uploaded);
         self.pool.free(slots.derived);
     }
 
     /// Gives slots back that `uses` may still read or write: none is one of later work.
-    pub fn release(&mut self, slots: Slots, uses: Vec<SyncPoint>) {
+    pub fn retire(&mut self, slots: Slots, uses: Vec<SyncPoint>) {
         self.freed.push(Freed { slots, uses });
     }
 
     /// Frees slots whose last use the host has seen over.
-    fn reclaim(&mut self, queue: &mut Queue) -> Result<(), GpuError> {
+    fn reclaim(&mut self, submitter: &mut Submitter) -> Result<(), GpuError> {
         let mut still = Vec::new();
         for freed in std::mem::take(&mut self.freed) {
             let mut over = true;
             for &point in &freed.uses {
-                over &= queue.order.reached(point)?;
+                over &= submitter.order.reached(point)?;
             }
             if !over {
                 still.push(freed);
@@ -362,9 +360,9 @@ impl Transfer {
                     None => self.reclaimed.push(point),
                 }
             }
-            self.give_back(freed.slots);
+            self.free(freed.slots);
         }
         self.freed = still;
-        queue.order.collect()
+        submitter.order.collect()
     }
 }

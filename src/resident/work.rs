@@ -37,6 +37,14 @@ pub struct Submits {
     pub last_frame: Option<SyncPoint>,
 }
 
+/// What copies and derived passes are submitted with.
+pub struct Submitter<'a> {
+    /// Who waits for whom.
+    pub order: &'a mut Order,
+    /// What was submitted before.
+    pub submits: &'a mut Submits,
+}
+
 impl Submits {
     /// None yet.
     pub fn new(gpu: &Gpu) -> Submits {

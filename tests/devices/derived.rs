@@ -170,7 +170,7 @@ fn check(scene: &mut Scene, sections: &[(SectionKey, Payload)], shown: Visibilit
             side = half;
         }
     }
-    assert_eq!(bridged > 1000, shown.bridge > 0);
+    assert_eq!(bridged > 100 * sections.len(), shown.bridge > 0);
 }
 
 #[test]
@@ -217,6 +217,54 @@ fn derived_parts_are_as_specified() {
                 scene.set_column_data(ColumnData::Values).unwrap();
                 check(&mut scene, &sections, shown, ColumnData::Values);
             }
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// With bridges over the borders, what has come, changed or gone changes what is derived of its neighbours, and that alone
+/// is derived again.
+#[test]
+fn neighbours_follow_what_comes_changes_and_goes() {
+    common::run("derived::neighbours_follow_what_comes_changes_and_goes", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let shown = Visibility { classes: ClassMask::only(&[2, 5, 6, 200]), withheld: true, bridge: 4 };
+        let key = |i: i32, j: i32| SectionKey { level: 0, i, j };
+        for access in [Access::Address, Access::StorageBuffer] {
+            let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, shown, GRID).unwrap();
+            let mut there: Vec<(SectionKey, Payload)> = Vec::new();
+            let put = |scene: &mut Scene, there: &mut Vec<(SectionKey, Payload)>, at, of: (i32, i32)| {
+                let payload = section(of.0, of.1);
+                assert!(scene.upload(at, &payload).unwrap());
+                there.retain(|(key, _)| *key != at);
+                there.push((at, payload));
+            };
+            let settled = |scene: &mut Scene, there: &[(SectionKey, Payload)]| {
+                scene.settle().unwrap();
+                check(scene, there, shown, ColumnData::Colors);
+            };
+            // The middle, then its neighbours: a corner alone, edges, the other corners beside those.
+            for (i, j) in [(0, 0), (1, 1), (-1, 0), (0, 1), (0, -1), (1, 0), (-1, -1), (1, -1), (-1, 1)] {
+                put(&mut scene, &mut there, key(i, j), (i, j));
+                settled(&mut scene, &there);
+            }
+            // Other versions of the middle and of an edge, the second while the first is on its way; then of that again.
+            put(&mut scene, &mut there, key(0, 0), (7, 3));
+            scene.advance().unwrap();
+            put(&mut scene, &mut there, key(0, 1), (4, -5));
+            scene.advance().unwrap();
+            put(&mut scene, &mut there, key(0, 1), (9, 9));
+            settled(&mut scene, &there);
+            // A corner and an edge go, one after the other and together, and come back.
+            for gone in [&[key(1, 1)][..], &[key(-1, 0)], &[key(0, -1), key(-1, 1)]] {
+                scene.evict(gone).unwrap();
+                there.retain(|(key, _)| !gone.contains(key));
+                settled(&mut scene, &there);
+            }
+            for (i, j) in [(1, 1), (-1, 0), (0, -1)] {
+                put(&mut scene, &mut there, key(i, j), (i, j));
+            }
+            settled(&mut scene, &there);
         }
         assert_eq!(gpu.messages(), [""; 0]);
     });
