@@ -34,8 +34,14 @@ fn main() {
 
 /// The table for Rust, for the shaders (in the folder that [`includes`] names), and as text for the documentation.
 fn write_constants(out: &Path) -> std::io::Result<()> {
+    // What was written for a group of another name is not to be found.
+    let _ = fs::remove_dir_all(includes(out));
     fs::create_dir_all(includes(out))?;
     for (name, text) in constants::glsl() {
+        // An include beside the shader would be found first.
+        if Path::new("shaders").join(&name).exists() {
+            return Err(std::io::Error::other(format!("shaders/{name} hides the include of that name")));
+        }
         fs::write(includes(out).join(name), text)?;
     }
     fs::write(out.join("shared.rs"), constants::rust())?;

@@ -275,6 +275,12 @@ group! { passes:
     /// Holes are bridged after this pass.
     ID_BRIDGE = 2;
 
+    /// Columns of a half block from west to east.
+    HALF_BLOCK_EAST = 8;
+    /// And from south to north.
+    HALF_BLOCK_NORTH = 4;
+    /// Longest hole that is bridged, cells: so far bridges reach.
+    LONGEST_BRIDGE = 4;
     /// Threads of a workgroup of the derived passes that have one a half block.
     DERIVE_THREADS = 64;
     /// And of the one that has a workgroup a section.

@@ -23,7 +23,7 @@ uvec4 section_of(bool x, bool y) { return mix(mix(here, beside, bvec4(x)), mix(a
 
 // Which columns of a half block are measured.
 uint measured(ivec2 half_block) {
-    uvec4 section = section_of(uint(half_block.x) > 31u, uint(half_block.y) > 63u);
+    uvec4 section = section_of(uint(half_block.x) > HALF_BLOCKS.x - 1u, uint(half_block.y) > HALF_BLOCKS.y - 1u);
     uvec2 at = uvec2(half_block) & uvec2(31u, 63u);
     uint columns = 0u;
     if (section.xy != uvec2(0u))
@@ -48,8 +48,8 @@ void main() {
     uint job = gl_WorkGroupID.y, half_block;
     if (!half_block_of(gl_GlobalInvocationID.x, JOB[job].first, JOB[job].area, half_block)) return;
     uvec2 origin = half_block_origin(half_block);
-    ivec2 at = ivec2(origin) / ivec2(8, 4);
-    int i = at.x == 0 ? 0 : at.x == 31 ? 2 : 1, j = at.y == 0 ? 0 : at.y == 63 ? 2 : 1;
+    ivec2 at = ivec2(origin / HALF_BLOCK), last = ivec2(HALF_BLOCKS - 1u);
+    int i = at.x == 0 ? 0 : at.x == last.x ? 2 : 1, j = at.y == 0 ? 0 : at.y == last.y ? 2 : 1;
     here = JOB[job].near[4];
     beside = JOB[job].near[3 + i];
     above = JOB[job].near[3 * j + 1];

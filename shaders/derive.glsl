@@ -61,11 +61,14 @@ uvec4 load_four(uvec2 derived, uint first, uint code) {
     return uvec4(load_two(derived, first, code), load_two(derived, first, code + 2u));
 }
 
+const uvec2 HALF_BLOCK = uvec2(HALF_BLOCK_EAST, HALF_BLOCK_NORTH);
+const uvec2 HALF_BLOCKS = uvec2(SECTION_SIDE) / HALF_BLOCK;
+
 // A half block of what was uploaded, 8x4 columns, is one thread's, and two blocks of what is derived: whole words, all
 // its own.
 uvec2 half_block_origin(uint half_block) {
     uint block = half_block >> 1u;
-    return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * uvec2(8u, 4u);
+    return uvec2(block & 31u, (block >> 5u) * 2u + (half_block & 1u)) * HALF_BLOCK;
 }
 
 // The half block of a thread, of those that a job is for; false: there is none.

@@ -1,5 +1,5 @@
 //! Limits of streaming and residency, in one place: what is in flight, held, sampled, tried again. What follows from a
-//! layout or from mathematics has its constant where it is used.
+//! layout or from mathematics, tells noise from data, or foresees a motion has its constant where it is used.
 
 use std::time::Duration;
 

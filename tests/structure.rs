@@ -1,7 +1,8 @@
 //! The house: files import downward, without circles.
 //!
-//! What a file imports is what its `use` declarations and paths name, followed through re-exports to the file that defines
-//! it; tests within a file may look anywhere.
+//! What a file imports is what its `use` declarations and paths name, followed through aliases and re-exports to the file
+//! that defines it, and whatever else is written `crate::…`, in macros and attributes; tests within a file may look anywhere.
+//! A `mod.rs` imports nothing by passing on what its own children define.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -61,6 +62,10 @@ struct Names<'a> {
     used: Vec<Module>,
     /// What it passes on, by the name it has here.
     passed_on: Vec<(String, Module)>,
+    /// What its `use` declarations call by a name of its own.
+    aliases: BTreeMap<String, Module>,
+    /// Paths as they are written.
+    written: Vec<Vec<String>>,
 }
 
 fn is_test(attributes: &[syn::Attribute]) -> bool {
@@ -102,9 +107,37 @@ impl Names<'_> {
             syn::UseTree::Glob(_) => (before.to_vec(), None),
         };
         let Some(path) = self.absolute(&path) else { return };
-        match name {
-            Some(name) if is_public => self.passed_on.push((name, path)),
-            _ => self.used.push(path),
+        let is_own_child = path.len() > self.module.len() + 1 && path.starts_with(self.module);
+        if let Some(name) = name {
+            self.aliases.insert(name.clone(), path.clone());
+            if is_public {
+                self.passed_on.push((name, path.clone()));
+            }
+        }
+        if !(is_public && is_own_child) {
+            self.used.push(path);
+        }
+    }
+
+    /// Paths through names that are known by now.
+    fn resolve(&mut self) {
+        for path in std::mem::take(&mut self.written) {
+            let (first, rest) = path.split_first().expect("paths have a first name");
+            let through = self.aliases.get(first).map(|alias| [&alias[..], rest].concat());
+            self.used.extend(through.or_else(|| self.absolute(&path)));
+        }
+    }
+
+    /// Whatever is written `crate::…` before the tests, comments apart.
+    fn scan(&mut self, text: &str) {
+        let code = text.split("#[cfg(test)]\nmod ").next().unwrap_or_default();
+        for line in code.lines().map(|line| line.split("//").next().unwrap_or_default()) {
+            for path in line.split("crate::").skip(1) {
+                let end =
+                    path.find(|c: char| !c.is_alphanumeric() && c != '_' && c != ':').unwrap_or(path.len());
+                let names = path[..end].split("::").filter(|name| !name.is_empty());
+                self.used.push(names.map(str::to_owned).collect());
+            }
         }
     }
 }
@@ -136,7 +169,7 @@ impl<'ast> Visit<'ast> for Names<'_> {
     fn visit_path(&mut self, path: &'ast syn::Path) {
         let names: Vec<_> = path.segments.iter().map(|segment| segment.ident.to_string()).collect();
         if names.len() > 1 {
-            self.used.extend(self.absolute(&names));
+            self.written.push(names);
         }
         syn::visit::visit_path(self, path);
     }
@@ -158,8 +191,17 @@ fn imports() -> BTreeMap<Module, BTreeSet<Module>> {
     for (module, file) in &modules {
         let text = std::fs::read_to_string(file).expect("a source is text");
         let parsed = syn::parse_file(&text).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-        let mut names = Names { module, modules: &modules, used: Vec::new(), passed_on: Vec::new() };
+        let mut names = Names {
+            module,
+            modules: &modules,
+            used: Vec::new(),
+            passed_on: Vec::new(),
+            aliases: BTreeMap::new(),
+            written: Vec::new(),
+        };
         names.visit_file(&parsed);
+        names.resolve();
+        names.scan(&text);
         for (name, path) in names.passed_on {
             passed_on.insert([&module[..], &[name]].concat(), path);
         }

@@ -245,7 +245,8 @@ impl Gpu {
     }
 
     /// The one `T` of this device, made when it is first asked for: what a floor above shares between all
-    /// handles of the device. It must hold no [`Gpu`]: the device would stay open.
+    /// handles of the device. It must hold no [`Gpu`] (the device would stay open), and own
+    /// nothing of the device, which goes before it.
     pub(super) fn shared<T: Any + Default + Send + Sync>(&self) -> Arc<T> {
         let mut shared = lock(&self.0.shared);
         let one = shared.entry(TypeId::of::<T>()).or_insert_with(|| Arc::<T>::default());

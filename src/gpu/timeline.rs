@@ -44,8 +44,9 @@ impl Timeline {
     /// Submits the recorded `buffer` after `waits` (semaphore, value, stages); `also_signalled`: a binary semaphore.
     ///
     /// # Safety
-    /// `buffer` is executable and of this queue's family, every waited value was submitted before, and the caller
-    /// keeps the buffer and all that it uses until the queue is past the point: see [`Timeline::retire`].
+    /// `buffer` is executable and of this queue's family; every waited value was submitted before, and a waited binary
+    /// semaphore has its signal pending; `also_signalled` is unsignalled, with no signal pending. The caller keeps the
+    /// buffer, all that it uses and those semaphores until the queue is past the point: see [`Timeline::retire`].
     pub unsafe fn submit(
         &mut self,
         name: &str,

@@ -13,18 +13,18 @@ use crate::gpu::{
     BindingKind, Buffer, ComputePipeline, Gpu, GpuError, MemoryKind, Order, PipelineDesc, SyncPoint, shaders,
 };
 use crate::limits::LIMITS;
-use crate::shared::passes::{DERIVE_THREADS, ID_ALL, ID_BRIDGE, ID_WIDE};
+use crate::shared::passes::{
+    DERIVE_THREADS, HALF_BLOCK_EAST, HALF_BLOCK_NORTH, ID_ALL, ID_BRIDGE, ID_WIDE, LONGEST_BRIDGE,
+};
 use bytemuck::{Pod, Zeroable};
 use std::collections::{BTreeMap, HashMap, VecDeque};
 
 const _: () = assert!(LIMITS.submit_sections * size_of::<Job>() <= LIMITS.constant_bytes as usize);
-/// Longest hole that is bridged, cells: a bridge reaches as many columns beyond its section.
-const LONGEST_BRIDGE: u32 = 4;
 
 /// Threads in a workgroup of the passes that take half blocks.
 const GROUP_THREADS: u32 = DERIVE_THREADS;
 /// Columns of a half block, a thread's: east, north.
-const HALF_BLOCK: [u32; 2] = [8, 4];
+const HALF_BLOCK: [u32; 2] = [HALF_BLOCK_EAST, HALF_BLOCK_NORTH];
 /// Half blocks of a section: east, north.
 const HALF_BLOCKS: [u32; 2] = [SECTION_SIDE / HALF_BLOCK[0], SECTION_SIDE / HALF_BLOCK[1]];
 // A neighbour's border reaches into no more than a row of half blocks.

@@ -117,8 +117,9 @@ impl Viewer {
             self.log.line(format_args!("file {file} {}", if is_shown { "shown" } else { "hidden" }));
             self.data.set_visible(file, is_shown);
         }
-        if let Some(place) = requests.go_to {
-            self.navigation.go_to(place, &self.data, &self.settings);
+        if let Some(place) = requests.go_to
+            && self.navigation.go_to(place, &self.data, &self.settings)
+        {
             self.window.request_redraw();
         }
         if let Some(path) = requests.open {

@@ -165,8 +165,8 @@ impl Navigation {
     }
 
     /// Coordinates of the world's system, from near.
-    pub fn go_to(&mut self, (e, n, u): (f64, f64, Option<f64>), data: &Data, settings: &Settings) {
-        let Some(about) = data.about() else { return };
+    pub fn go_to(&mut self, (e, n, u): (f64, f64, Option<f64>), data: &Data, settings: &Settings) -> bool {
+        let Some(about) = data.about() else { return false };
         let (bounds, base) = (about.bounds, about.base);
         let middle = base.unplace(bounds.center());
         let world = base.place(DVec3::new(e, n, u.unwrap_or(middle.z)));
@@ -175,9 +175,11 @@ impl Navigation {
         let cell = data.grid().0.cell();
         let distance = (self.camera.target() - self.camera.eye()).length().min(length * 0.1).max(cell);
         let angles = self.camera.angles();
-        if let Ok(camera) = Camera::orbit(shown, angles, distance, self.camera.projection()) {
-            self.go_from_here(camera);
-        }
+        let Ok(camera) = Camera::orbit(shown, angles, distance, self.camera.projection()) else {
+            return false;
+        };
+        self.go_from_here(camera);
+        true
     }
 
     /// The view of a path that was read. Errors: why there is none, in words.

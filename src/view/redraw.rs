@@ -2,8 +2,8 @@
 //! when the frames before have rested long enough; and where nothing is to come, nothing is drawn. Pure: it is told what
 //! happens and what time it is.
 //!
-//! For each frame: [`Redraw::take_outdated`], then [`Redraw::planned`], [`Redraw::submitted`] and [`Redraw::shown`]; or
-//! [`Redraw::late`] where it could not be drawn. [`Redraw::plan`] comes last, and whenever news were looked for.
+//! For each frame: [`Redraw::take_outdated`], then [`Redraw::planned`], [`Redraw::submitted`], [`Redraw::presented`] and
+//! [`Redraw::shown`]; or [`Redraw::late`] where it could not be drawn. [`Redraw::plan`] comes last, and whenever news were looked for.
 
 use super::pace::Rest;
 use std::time::{Duration, Instant};

@@ -60,7 +60,7 @@ pub struct Flown {
     pub share: f64,
     /// Whether it showed all that its view needs.
     pub is_complete: bool,
-    /// TimesSummary that a frame has waited for the device to take a section, since the start.
+    /// Times that a frame has waited for the device to take a section, since the start.
     pub waits: u64,
 }
 

@@ -1,4 +1,4 @@
-//! StageTimes of frames: for the panel's plots, for the statistics that are written at the end, and for the first of each kind.
+//! Times of frames: for the panel's plots, for the statistics that are written at the end, and for the first of each kind.
 
 use super::log::EventLog;
 use super::panel::StageTimes;

@@ -35,7 +35,7 @@ pub const NO_WINDOW: &str = "no window can be opened: is there a display? (lasra
 const NOTICE: Duration = Duration::from_secs(6);
 
 // Fields are dropped in this order: what is on the device, the device, the window.
-/// See the module. Its methods that draw frames and answer events stand in `frame`, `actions` and `events`.
+/// See the module. Its methods that draw frames and answer events stand in `frame`, `layout`, `news`, `actions` and `events`.
 pub struct Viewer {
     pub(super) canvas: Canvas,
     /// Boxed: it is large, and seldom there.

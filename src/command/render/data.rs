@@ -62,9 +62,9 @@ pub(super) enum Content {
 
 /// A scene, and what is streamed into it.
 pub(super) struct Filled {
-    pub(super) scene: Scene,
-    /// None where all of it is resident.
+    /// None where all of it is resident. It goes before the scene: its threads read for that.
     pub(super) live: Option<Live>,
+    pub(super) scene: Scene,
     /// Points in all files.
     pub(super) points: u64,
     /// Sections that are resident from the start.
