@@ -3,7 +3,7 @@
 use crate::gpu::GpuError;
 use crate::render::frame::FrameError;
 
-/// [`FlightOptions::stop`] was set.
+/// `FlightOptions::stop` was set.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error("stopped")]
 pub struct Stopped;

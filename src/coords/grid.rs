@@ -28,7 +28,7 @@ pub struct Grid {
     /// Added to device-side indices to get absolute ones (in coarsened cells; a multiple of
     /// `SECTION_SIDE`), so that northing 6,000,000 is as small a number as 0.
     pub anchor: [i64; 2],
-    /// Step of the heights' lattice, CRS units; a power of two, chosen once (see [`height_step`]). Coarser cells keep it.
+    /// Step of the heights' lattice, CRS units; a power of two, chosen once (see [`super::height_step`]). Coarser cells keep it.
     pub height_step: f64,
 }
 

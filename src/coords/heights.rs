@@ -10,7 +10,7 @@ const STEPS_IN_A_CELL: f64 = 256.0;
 /// stands out of them and for differences.
 pub const HEIGHT_REACH: f64 = (1u32 << 30) as f64;
 
-/// A height on the lattice of [`Grid::height_step`]: `ceil(U / step)`. `i32::MIN` never occurs: it stands for "no point".
+/// A height on the lattice of [`super::Grid::height_step`]: `ceil(U / step)`. `i32::MIN` never occurs: it stands for "no point".
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Height(pub i32);
 

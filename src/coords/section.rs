@@ -9,7 +9,7 @@ pub const SECTION_SIDE: u32 = payload::SECTION_SIDE;
 /// Columns in a section.
 pub const SECTION_COLUMNS: usize = (SECTION_SIDE * SECTION_SIDE) as usize;
 
-/// A finest cell of the grid: indices relative to [`Grid::anchor`].
+/// A finest cell of the grid: indices relative to [`super::Grid::anchor`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct CellIndex {
     /// Eastward index.
@@ -19,7 +19,7 @@ pub struct CellIndex {
 }
 
 /// A section of the quadtree: `SECTION_SIDE` cells of `c·2^level` on a side, at section indices (i, j)
-/// relative to [`Grid::anchor`].
+/// relative to [`super::Grid::anchor`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct SectionKey {
     /// Detail level k: cells are `c·2^k` wide.

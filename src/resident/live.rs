@@ -2,7 +2,7 @@
 //! what is not seen any more evicted.
 //!
 //! [`Live::tick`] is called once a frame and never waits. It takes what the threads have made ([`Feed`]) into host memory
-//! ([`super::host_cache`]), asks [`Demand`] what the camera wants and [`super::policy`] what to do, and does that to the
+//! (`host_cache`), asks `demand` what the camera wants and `policy` what to do, and does that to the
 //! [`Scene`].
 
 use super::cut::{Domain, Shown, Sight};

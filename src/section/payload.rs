@@ -70,7 +70,7 @@ impl Payload {
         device_bytes(&self.layout)
     }
 
-    /// Calls `each` for every column that holds anything, in block order: its [`column_index`], and its runs, highest
+    /// Calls `each` for every column that holds anything, in block order: its [`super::column_index`], and its runs, highest
     /// first.
     pub fn columns(&self, mut each: impl FnMut(u16, &[Record])) {
         let (before, further) = self.words.split_at(self.layout.others as usize);

@@ -20,7 +20,7 @@ impl Renderer {
     /// there are across, and of each thread, row by row, [`LOG_WORDS`] words. See `shaders/log.glsl`.
     ///
     /// # Panics
-    /// Without [`PassOptions::logged`], or where the pool is not reached by address.
+    /// Without [`super::PassOptions::logged`], or where the pool is not reached by address.
     pub fn log(
         &mut self,
         scene: &mut Scene,

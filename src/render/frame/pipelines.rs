@@ -251,7 +251,7 @@ impl FramePipelines {
     }
 }
 
-/// Pipelines of a window's images: those of lit ones, and those of others. Whoever holds them makes [`Renderer::new`]
+/// Pipelines of a window's images: those of lit ones, and those of others. Whoever holds them makes [`super::Renderer::new`]
 /// and images quick.
 #[cfg(feature = "view")]
 pub fn pipeline_descs(kind: DeviceKind, access: Access) -> [Vec<PipelineDesc>; 2] {
