@@ -311,6 +311,17 @@ mod tests {
             }
         }
 
+        /// One that holds the first `n` keys, of 50,000 words each, and no more.
+        fn full(n: u8) -> Model {
+            let mut model = Model::new(payload(50_000).device_bytes() * u64::from(n), 1 << 30);
+            let seen: Vec<_> = (0..n).map(key).collect();
+            seen.iter().for_each(|&key| model.arrive(key, 50_000));
+            let shown = HashSet::new();
+            upload(Wanted { seen: &seen, ahead: &[], shown: &shown }, &mut model, Some(u64::MAX)).unwrap();
+            model.step();
+            model
+        }
+
         fn held(&self) -> u64 {
             self.device.values().map(|(_, bytes)| bytes).sum::<u64>() + self.retired
         }
@@ -591,12 +602,7 @@ mod tests {
 
     #[test]
     fn stand_ins_are_evicted_last() {
-        let mut model = Model::new(payload(50_000).device_bytes() * 2, 1 << 30);
-        let before = [key(0), key(1)];
-        before.iter().for_each(|&key| model.arrive(key, 50_000));
-        let none = HashSet::new();
-        upload(Wanted { seen: &before, ahead: &[], shown: &none }, &mut model, Some(u64::MAX)).unwrap();
-        model.step();
+        let mut model = Model::full(2);
         // The one that was used longest ago stands in for something.
         model.used = HashMap::from([(key(0), 1), (key(1), 2)]);
         let shown = HashSet::from([key(0)]);
@@ -608,26 +614,17 @@ mod tests {
 
     #[test]
     fn what_was_used_longest_ago_is_evicted_first() {
-        let mut model = Model::new(payload(50_000).device_bytes() * 3, 1 << 30);
-        let before = [key(0), key(1), key(2)];
-        before.iter().for_each(|&key| model.arrive(key, 50_000));
-        let none = HashSet::new();
-        upload(Wanted { seen: &before, ahead: &[], shown: &none }, &mut model, Some(u64::MAX)).unwrap();
-        model.step();
+        let mut model = Model::full(3);
         model.used = HashMap::from([(key(0), 2), (key(1), 1), (key(2), 3)]);
         model.arrive(key(3), 50_000);
+        let none = HashSet::new();
         upload(Wanted { seen: &[key(3)], ahead: &[], shown: &none }, &mut model, Some(u64::MAX)).unwrap();
         assert_eq!(model.evicted, [key(1)]);
     }
 
     #[test]
     fn what_will_be_seen_takes_nothing_from_what_is_shown() {
-        let mut model = Model::new(payload(50_000).device_bytes() * 3, 1 << 30);
-        let before = [key(0), key(1), key(2)];
-        before.iter().for_each(|&key| model.arrive(key, 50_000));
-        let none = HashSet::new();
-        upload(Wanted { seen: &before, ahead: &[], shown: &none }, &mut model, Some(u64::MAX)).unwrap();
-        model.step();
+        let mut model = Model::full(3);
         // One is shown as a stand-in, one will be seen as well: the third goes.
         model.arrive(key(3), 50_000);
         let shown = HashSet::from([key(0)]);
