@@ -10,8 +10,8 @@ use std::time::{Duration, SystemTime};
 
 use common::{LAVAPIPE, NO_DRIVER, ORDERS, SWIFTSHADER};
 use lasray::gpu::{
-    Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, GpuOptions, MemoryKind, Order, QueueKind, Timestamps,
-    UploadRing, list_devices, shaders,
+    BindingCache, BindingKind, Buffer, BufferCopy, ComputePipeline, Gpu, GpuError, GpuOptions, MemoryKind,
+    Order, PipelineDesc, QueueKind, Timestamps, UploadRing, list_devices, shaders,
 };
 
 #[test]
@@ -186,4 +186,34 @@ fn stages_of_a_frame_are_timed() {
             assert_eq!(gpu.messages(), [""; 0]);
         });
     }
+}
+
+/// A frame finds the descriptor sets of the last one again, and makes one only where pipeline or buffers are others.
+#[test]
+fn descriptor_sets_serve_again() {
+    common::run("descriptor_sets_serve_again", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let pipeline = |wide: u32| {
+            let (words, bindings) = (shaders::TOPS_SSBO, &[BindingKind::Storage; 3]);
+            let desc =
+                PipelineDesc { name: "tops", words, constants: vec![(0, wide)], push_bytes: 0, bindings };
+            desc.make(&gpu).unwrap()
+        };
+        let (narrow, wide) = (pipeline(0), pipeline(1));
+        let buffer = |name: &str| Buffer::new(&gpu, name, MemoryKind::Device, 1024).unwrap();
+        let [a, b, c, d] = ["a", "b", "c", "d"].map(buffer);
+        let mut cache = BindingCache::default();
+        cache.begin();
+        let first = cache.get(&narrow, &[&a, &b, &c]).unwrap();
+        assert!(first == cache.get(&narrow, &[&a, &b, &c]).unwrap());
+        assert!(first != cache.get(&narrow, &[&a, &b, &d]).unwrap());
+        assert!(first != cache.get(&wide, &[&a, &b, &c]).unwrap());
+        // Of the last frame, but not of one before.
+        cache.begin();
+        assert!(first == cache.get(&narrow, &[&a, &b, &c]).unwrap());
+        cache.begin();
+        cache.begin();
+        assert!(first != cache.get(&narrow, &[&a, &b, &c]).unwrap());
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
 }

@@ -80,6 +80,13 @@ impl ComputePipeline {
 #[derive(Clone)]
 pub struct Binding(Arc<BoundSet>);
 
+impl PartialEq for Binding {
+    /// Whether both are the same descriptor set.
+    fn eq(&self, other: &Binding) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
 struct BoundSet {
     pool: vk::DescriptorPool,
     set: vk::DescriptorSet,

@@ -301,6 +301,8 @@ pub struct Derive {
     constants: VecDeque<(SyncPoint, Buffer)>,
     /// And those of the submit that is being recorded.
     recorded: Vec<Buffer>,
+    /// Such buffers that were made.
+    made: u64,
 }
 
 /// What one call of [`Derive::run`] has in common.
@@ -318,7 +320,13 @@ impl Derive {
             pipelines: HashMap::new(),
             constants: VecDeque::new(),
             recorded: Vec::new(),
+            made: 0,
         }
+    }
+
+    /// Buffers that were made for what passes read: few, since they serve again.
+    pub fn buffers_made(&self) -> u64 {
+        self.made
     }
 
     /// Submits the passes: those that follow from a section alone for `own`, the others for `all`; without bridges there
@@ -467,7 +475,9 @@ impl Derive {
         let buffer = match free {
             Some((_, buffer)) => buffer,
             None => {
-                Buffer::new(&self.gpu, "what derived passes read", MemoryKind::Upload, LIMITS.constant_bytes)?
+                self.made += 1;
+                let (name, bytes) = ("what derived passes read", LIMITS.constant_bytes);
+                Buffer::new(&self.gpu, name, MemoryKind::Upload, bytes)?
             }
         };
         buffer.write(0, bytes);

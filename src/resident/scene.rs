@@ -33,6 +33,8 @@ pub struct Counters {
     pub builds: u64,
     /// Times that an upload waited for the device.
     pub waits: u64,
+    /// Buffers made for what derived passes read.
+    pub buffers: u64,
 }
 
 /// What came of [`Scene::try_upload`].
@@ -583,6 +585,6 @@ impl Scene {
 
     /// What has been copied and built since the start.
     pub fn counters(&self) -> Counters {
-        Counters { waits: self.transfer.waits(), ..self.counters }
+        Counters { waits: self.transfer.waits(), buffers: self.derive.buffers_made(), ..self.counters }
     }
 }

@@ -265,6 +265,13 @@ fn neighbours_follow_what_comes_changes_and_goes() {
                 put(&mut scene, &mut there, key(i, j), (i, j));
             }
             settled(&mut scene, &there);
+            // What passes read lies in buffers that serve again.
+            let made = scene.counters().buffers;
+            for _ in 0..30 {
+                put(&mut scene, &mut there, key(1, 0), (1, 0));
+                scene.settle().unwrap();
+            }
+            assert!(scene.counters().buffers <= made + 8, "{} after {made}", scene.counters().buffers);
         }
         assert_eq!(gpu.messages(), [""; 0]);
     });

@@ -5,7 +5,7 @@ use super::common::{self, LAVAPIPE, ORDERS, SWIFTSHADER};
 use super::scene::{self, BRIDGED, MEASURED};
 use super::{SIZE, cameras};
 use glam::DVec3;
-use lasray::attribute::{AttributeSummary, ColorTable};
+use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
 use lasray::coords::{Bounds, Grid, SectionKey};
 use lasray::gpu::Gpu;
 use lasray::ingest::bins::Budget;
@@ -25,6 +25,7 @@ use lasray::source::placement::{Placement, PlacementOptions};
 use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -456,5 +457,33 @@ fn what_comes_into_sight_is_read_before() {
         assert!(new > 8 && there * 4 > new * 3, "{there} of {new}");
         assert_eq!(world.scene.counters().waits, 0);
         assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// The section table is made when what it names has changed, not in every frame.
+#[test]
+fn tables_are_kept_while_nothing_changes() {
+    common::run("live::tables_are_kept_while_nothing_changes", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, MEASURED());
+        let camera = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), SIZE).unwrap();
+        let above = world.sight(&camera, 1.0);
+        world.complete(&above);
+        let anchor = world.grid.height(world.bounds.center().z).unwrap();
+        let mut renderer = Renderer::new(&world.scene, world.grid, anchor).unwrap();
+        let first = renderer.table_of_live(&world.scene, &world.live);
+        for _ in 0..3 {
+            world.live.tick(&mut world.scene, &above, 2 << 20).unwrap();
+            assert!(Arc::ptr_eq(&first, &renderer.table_of_live(&world.scene, &world.live)));
+        }
+        // Other classes have other highest points.
+        let visibility = world.scene.visibility();
+        let ground = Visibility { classes: ClassMask::only(&[2]), ..visibility };
+        world.scene.set_visibility(ground).unwrap();
+        let second = renderer.table_of_live(&world.scene, &world.live);
+        assert!(!Arc::ptr_eq(&first, &second));
+        assert!(Arc::ptr_eq(&second, &renderer.table_of_live(&world.scene, &world.live)));
     });
 }
