@@ -92,12 +92,10 @@ void go_up(inout Walk walk, int up) {
     walk.node >>= up;
 }
 
-// Of the border that was crossed: its index among nodes of the level.
-int crossed(in Walk walk) { return walk.face == FACE_WEST ? walk.node.x : walk.node.y; }
-
-// Levels to go up in the table: at least `least`, and as far as a section may reach that begins here.
-int table_ups(in Walk walk, int least) {
-    return min(max(least, min(ups(crossed(walk)), frame.section_level - walk.level)), frame.top_level - walk.level);
+// Levels to go up in the table where the ray has crossed `border` (its index among nodes of the level): at least `least`, and
+// as far as a section may reach that begins here.
+int table_ups(in Walk walk, int border, int least) {
+    return min(max(least, min(ups(border), frame.section_level - walk.level)), frame.top_level - walk.level);
 }
 
 // A walk of `ray` from t `start` on, where it is known to be above everything, beginning at `level`; it may be gone at
@@ -168,7 +166,8 @@ uint through_table(inout Walk walk) {
             walk.first = STARTED;
             go_on(walk);
             // Up where a 2x2 square of nodes ends.
-            go_up(walk, table_ups(walk, ~crossed(walk) & 1));
+            int border = walk.east ? walk.node.x : walk.node.y;
+            go_up(walk, table_ups(walk, border, ~border & 1));
         }
     }
     return found;
@@ -223,6 +222,7 @@ bool through_sections(inout Walk walk, inout uint slot, int detail, out int top)
     }
     walk.t_exit = t_end;
     // Out of the section, to where the next one may begin.
-    if (!found) go_up(walk, table_ups(walk, ceiling - walk.level));
+    int border = walk.face == FACE_WEST ? walk.node.x : walk.node.y;
+    if (!found) go_up(walk, table_ups(walk, border, ceiling - walk.level));
     return found;
 }
