@@ -1,6 +1,21 @@
 // What a ray hits in a column: its top, or its side. A column is solid from its top down; a ray hits where it first is at or
 // below the top inside the cell.
-// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, walk.glsl.
+// Needs frame.glsl.
+
+// A ray that is walked, mirrored so that it goes east and north.
+struct Walk {
+    ivec2 mirror;   // 1 where the ray goes west / south
+    ivec2 origin;   // cell of the origin, mirrored
+    vec2 fraction;  // and where in it
+    vec2 inverse;   // lengths in one cell
+    float z0, dz;   // lattice steps
+};
+
+// How long it stays in a column: t from and to, and the face that it came in by, mirrored.
+struct Stay {
+    float t, t_end;
+    uint face;
+};
 
 // What a ray found: see the hit record in frame.glsl.
 struct Hit {
@@ -12,29 +27,17 @@ struct Hit {
     uint steps; // nodes looked at
 };
 
-// Nothing, after so many steps.
-Hit no_hit(uint steps) { return Hit(0.0, NO_NODE, uvec2(0), 0u, 0, steps); }
-
-// Whether the column that the walk has come to is in the window: what it does not hold is not there, and the ray has left
-// it, then.
-bool is_in_window(in Walk walk) {
-    ivec2 cell = walk.node << walk.level;
-    return !any(lessThan(cell, walk.low)) && !any(greaterThanEqual(cell, walk.high));
-}
-
-// The hit of `ray` in the column of height `top` that its walk has come to, of the section in `slot`.
-Hit hit_in(in Walk walk, Ray ray, uint slot, int detail, int top) {
-    float t = walk.t;
-    uint face = walk.face;
-    if (fma(t, walk.dz, walk.z0) > float(top)) {
-        face = FACE_TOP;
+// The hit of `ray` in the column that `found` names, where it is at or below the top at the latest as it leaves.
+Hit hit_in(in Walk walk, Ray ray, Stay stay, Hit found) {
+    if (fma(stay.t, walk.dz, walk.z0) > float(found.top)) {
+        found.face = FACE_TOP;
         // No branch: drivers recompile for constants that one follows from.
-        float rise = mix(float(top) - walk.z0, float(top - ray.cell.z) - ray.fraction.z, frame.origin_step == 1.0);
-        t = clamp(rise / walk.dz, t, walk.t_exit);
+        float rise = mix(float(found.top) - walk.z0, float(found.top - ray.cell.z) - ray.fraction.z, frame.origin_step == 1.0);
+        found.t = clamp(rise / walk.dz, stay.t, stay.t_end);
     }
-    if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
-    uvec2 column = uvec2(real_node(walk) >> detail - walk.level) & (SECTION_SIDE - 1u);
-    return Hit(t, slot, column, face, top, walk.steps);
+    if (found.face == FACE_WEST || found.face == FACE_SOUTH)
+        found.face += uint(found.face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
+    return found;
 }
 
 // The record of a hit, as it is traced.

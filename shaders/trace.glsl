@@ -1,26 +1,8 @@
 // The traversal: one ray through the table, pyramids and columns (walk.glsl) to its hit (leaf.glsl).
 // Needs pool.glsl, section.glsl, frame.glsl.
 #include "lookup.glsl"
-#include "walk.glsl"
 #include "leaf.glsl"
-
-// Traces `ray` from t `start` on, where it is known to be above everything, beginning at `level`.
-Hit trace(Ray ray, float start, int level) {
-    Walk walk = begin_walk(ray, start, level);
-    uint slot = NO_NODE;
-    int detail = 0, top = 0;
-    bool found = false;
-    // Left by its condition alone: see walk.glsl.
-    while (!found && !walk.gone) {
-        slot = through_table(walk);
-        if (!walk.gone) {
-            detail = detail_of(slot);
-            found = through_sections(walk, slot, detail, top);
-        }
-    }
-    if (!found || !is_in_window(walk)) return no_hit(walk.steps);
-    return hit_in(walk, ray, slot, detail, top);
-}
+#include "walk.glsl"
 
 // Whether rays start behind beams, or at the eye.
 layout(constant_id = ID_BEAMED) const bool BEAMED = true;
