@@ -28,12 +28,12 @@ ivec2 past(in Walk walk, ivec2 borders, float t) {
 // Levels that a walk can go up where it crossed `border` (nodes of its level); border 0 is one of all levels.
 int ups(int border) { return findLSB(border | 1 << 30); }
 
-// Traces `ray` from t `start` on, where it is known to be above everything, beginning at `level`.
-Hit trace(Ray ray, float start, int level) {
-    Hit hit = Hit(0.0, NO_NODE, uvec2(0), 0u, 0, 0u);
+// Whether a ray goes no way along an axis. -0 and what is nearly 0 go east and north, and never arrive.
+bvec2 is_still(Ray ray) { return lessThan(abs(ray.step.xy), vec2(1e-20)); }
+
+Walk walk_of(Ray ray) {
     Walk walk;
-    // -0 and what is nearly 0 go east and north, and never arrive.
-    bvec2 still = lessThan(abs(ray.step.xy), vec2(1e-20));
+    bvec2 still = is_still(ray);
     walk.mirror = ivec2(lessThan(ray.step.xy, vec2(0.0))) * ivec2(not(still));
     walk.inverse = mix(abs(1.0 / ray.step.xy), vec2(STILL), still);
     walk.origin = ray.cell.xy ^ -walk.mirror;
@@ -43,26 +43,50 @@ Hit trace(Ray ray, float start, int level) {
     walk.fraction = mix(walk.fraction, vec2(0.5), still);
     walk.z0 = origin_height(ray);
     walk.dz = ray.step.z;
-    ivec2 low = mix(frame.low, -frame.high, equal(walk.mirror, ivec2(1)));
-    ivec2 high = mix(frame.high, -frame.low, equal(walk.mirror, ivec2(1)));
+    return walk;
+}
 
+// How a ray comes to what there is.
+struct Entry {
+    ivec2 low, high;  // what there is, mirrored
+    float t, t_leave; // t from and to
+    uint face;        // of the border that it comes through, mirrored; or none
+    ivec2 cell;       // finest cell that it is in then
+};
+
+// From t `start` on, where the ray is known to be above everything.
+Entry entry_of(in Walk walk, Ray ray, float start) {
+    Entry entry;
+    entry.low = mix(frame.low, -frame.high, equal(walk.mirror, ivec2(1)));
+    entry.high = mix(frame.high, -frame.low, equal(walk.mirror, ivec2(1)));
     // On to the border of what there is.
-    vec2 enter = t_at(walk, low), leave = t_at(walk, high);
-    float t = start;
-    uint face = start == ray.start ? FACE_INSIDE : FACE_TOP;
+    vec2 enter = t_at(walk, entry.low), leave = t_at(walk, entry.high);
+    entry.t = start;
+    entry.face = start == ray.start ? FACE_INSIDE : FACE_TOP;
     // A ray that stands over one cell leaves it beyond everything.
-    float t_enter = max(enter.x, enter.y), t_leave = min(min(leave.x, leave.y), FAR);
-    if (t_enter > t) {
-        t = t_enter;
-        face = enter.x >= enter.y ? FACE_WEST : FACE_SOUTH;
+    float t_enter = max(enter.x, enter.y);
+    entry.t_leave = min(min(leave.x, leave.y), FAR);
+    if (t_enter > entry.t) {
+        entry.t = t_enter;
+        entry.face = enter.x >= enter.y ? FACE_WEST : FACE_SOUTH;
     }
-    if (t >= t_leave) return hit;
+    // Rounding may put it a border off.
+    vec2 at = fma(vec2(entry.t), mix(abs(ray.step.xy), vec2(0.0), is_still(ray)), walk.fraction);
+    ivec2 cell = clamp(walk.origin + ivec2(floor(at)), entry.low, entry.high - 1);
+    ivec2 ahead = past(walk, cell + 1, entry.t), behind = 1 - past(walk, cell, entry.t);
+    entry.cell = clamp(cell + ahead - behind * (1 - ahead), entry.low, entry.high - 1);
+    return entry;
+}
 
-    // The finest cell that the ray is in; rounding may put it a border off.
-    vec2 at = fma(vec2(t), mix(abs(ray.step.xy), vec2(0.0), still), walk.fraction);
-    ivec2 cell = clamp(walk.origin + ivec2(floor(at)), low, high - 1);
-    ivec2 ahead = past(walk, cell + 1, t), behind = 1 - past(walk, cell, t);
-    cell = clamp(cell + ahead - behind * (1 - ahead), low, high - 1);
+// Traces `ray` from t `start` on, where it is known to be above everything, beginning at `level`.
+Hit trace(Ray ray, float start, int level) {
+    Hit hit = Hit(0.0, NO_NODE, uvec2(0), 0u, 0, 0u);
+    Walk walk = walk_of(ray);
+    Entry entry = entry_of(walk, ray, start);
+    if (entry.t >= entry.t_leave) return hit;
+    ivec2 low = entry.low, high = entry.high, cell = entry.cell;
+    float t = entry.t, t_leave = entry.t_leave;
+    uint face = entry.face;
 
     int first = min(level, frame.top_level);
     level = max(first, frame.section_level);
