@@ -7,8 +7,8 @@
 // where small ones do, and a node is passed over exactly when all its columns would be: t and z(t) round
 // monotonically. Cells are half-open: a corner belongs to the cell north-east of it.
 //
-// What a loop finds is assigned where a thread leaves it, to what was declared before it: lavapipe (Mesa 22.3) and
-// SwiftShader go on computing other values for threads that have left.
+// The loops are one function on purpose (docs/performance.md): taken apart they took longer, and lavapipe (Mesa 22.3) and
+// SwiftShader lost hits, it seems where a value of a thread that had left a loop was still computed for it.
 // Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl.
 
 // Inverse of a step that is none.
