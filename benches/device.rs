@@ -189,7 +189,7 @@ fn tracing(c: &mut Criterion) {
             z_scale: 1.0,
             pivot: bounds.min.z,
             bounds,
-            floor: f64::NEG_INFINITY,
+            slab: None,
             colors: &colors,
             shade: Shade::None,
             background: Background::None,

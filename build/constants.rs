@@ -230,6 +230,8 @@ group! { passes:
     WIDE_TILE = 64;
     /// Entries of the colour ramp.
     RAMP_ENTRIES = 256;
+    /// Heights of the ground each way, in rough outline: what lit images end below.
+    GROUND_SIDE = 64;
 
     /// Frame's `shade`: lit, not the column's very colour.
     SHADE_LIT = 1;

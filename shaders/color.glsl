@@ -36,9 +36,8 @@ uint bits_of(uint shows, uint slot, uvec2 column, uint face) {
 vec3 sky(vec3 direction) {
     // A bright haze at the horizon, soft blue above, quiet grey below.
     float up = direction.z;
-    vec3 above = mix(vec3(0.80, 0.87, 0.94), vec3(0.30, 0.49, 0.76), smoothstep(0.0, 0.7, up));
-    vec3 below = mix(vec3(0.80, 0.85, 0.90), vec3(0.60, 0.65, 0.70), smoothstep(0.0, 0.8, -up));
-    return up >= 0.0 ? above : below;
+    vec3 away = up >= 0.0 ? vec3(0.30, 0.49, 0.76) : vec3(0.62, 0.67, 0.72);
+    return mix(vec3(0.82, 0.87, 0.92), away, smoothstep(0.0, 0.75, abs(up)));
 }
 
 // What is behind the data, linear.

@@ -10,7 +10,7 @@ struct Frame {
     uvec2 table;      // place of the section table
     uvec2 hits;       // place of the hit records, 4 words a pixel
     uvec2 colors;     // place of the summed colours, 4 floats a pixel
-    uvec2 ramp;       // place of 256 colours, sRGB
+    uvec2 ramp;       // place of 256 colours, sRGB, and of the ground in rough outline
     uvec2 beams;      // place of the beams, a tile of pixels each
     uvec2 wide_beams; // and of the wider ones before them
     uint table_mask;  // slots of the table - 1
@@ -39,7 +39,11 @@ struct Frame {
     float cell_steps;  // lattice steps in one cell side, exaggeration included: slopes
     vec3 sun;          // towards the sun
     uint background;   // BACKGROUND_NONE and so on
-    float floor;       // lit images end here, lattice steps from the anchor
+    // Lit images end in a slab as the ground is: place on that of a cell's western and southern border is
+    // (cell - ground_first) * ground_scale + ground_at, in steps from height to height.
+    ivec2 ground_first;
+    vec2 ground_scale, ground_at;
+    float slab;        // its thickness, lattice steps
 };
 
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/resident/table.rs).
@@ -69,7 +73,7 @@ layout(set = 0, binding = 1, scalar) readonly buffer Table { Node nodes[]; };
 layout(set = 0, binding = 2, scalar) FRAME_BLOCK FrameBlock { Frame frame; };
 layout(set = 0, binding = 3, scalar) buffer Hits { uvec4 hits[]; };
 layout(set = 0, binding = 4, scalar) buffer Colors { vec4 colors[]; };
-layout(set = 0, binding = 5, scalar) readonly buffer Ramp { vec4 ramp[]; };
+layout(set = 0, binding = 5, scalar) readonly buffer Ramp { vec4 ramp[RAMP_ENTRIES]; float ground[]; };
 layout(set = 0, binding = 6, scalar) buffer Beams { uint beams[]; };
 layout(set = 0, binding = 7, scalar) buffer WideBeams { uint wide_beams[]; };
 #define BEAM beams
@@ -80,12 +84,13 @@ layout(set = 0, binding = 7, scalar) buffer WideBeams { uint wide_beams[]; };
 layout(set = 0, binding = 4, scalar) writeonly buffer Screen { uint screen[]; };
 #define SCREEN_IMAGE screen
 #define RAMP ramp
+#define GROUND ground
 #else
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Table { Node nodes[]; };
 layout(set = 0, binding = 0, scalar) FRAME_BLOCK FrameBlock { Frame frame; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Hits { uvec4 hits[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 16) buffer Colors { vec4 colors[]; };
-layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ramp { vec4 ramp[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 16) readonly buffer Ramp { vec4 ramp[RAMP_ENTRIES]; float ground[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Beams { uint beams[]; };
 #define BEAM Beams(frame.beams).beams
 #define WIDE_BEAM Beams(frame.wide_beams).beams
@@ -95,6 +100,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Beams { uint
 layout(buffer_reference, scalar, buffer_reference_align = 4) writeonly buffer Screen { uint screen[]; };
 #define SCREEN_IMAGE Screen(frame.colors).screen
 #define RAMP Ramp(frame.ramp).ramp
+#define GROUND Ramp(frame.ramp).ground
 #endif
 layout(push_constant, scalar) uniform Push {
     ivec2 sample_at; // of this pass's sample in the pixel, sixteenths from its top left corner

@@ -2,7 +2,8 @@
 // image in the hit record. Reads hit records, the table, payloads and the ramp; adds to the colour sums.
 //
 // Light: a sun from the north-west as on maps, a sky dimmed by what stands around (its horizon in eight
-// directions), sides by their own direction, tops by the slope that fits their neighbours.
+// directions), sides by their own direction, tops by the slope that fits their neighbours, gentle ones exaggerated as
+// in hillshades. Below the ground there is a plain slab, and nothing below that.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #define FRAME_STORED
@@ -85,6 +86,17 @@ float sky_at(inout Here here, inout int shown, int detail, ivec2 column, float z
     return seen / max(all_ways, 1.0);
 }
 
+// Height of the ground under a column (cells of `detail`), in rough outline.
+float ground_at(int detail, ivec2 column) {
+    vec2 from_first = vec2((column << detail) - frame.ground_first) + 0.5 * float(1 << detail);
+    vec2 on = clamp(from_first * frame.ground_scale + frame.ground_at, vec2(0.0), vec2(GROUND_SIDE - 1u));
+    vec2 first = min(floor(on), vec2(GROUND_SIDE - 2u)), beyond = on - first;
+    uint at = uint(first.y) * GROUND_SIDE + uint(first.x);
+    return mix(mix(GROUND[at], GROUND[at + 1u], beyond.x), mix(GROUND[at + GROUND_SIDE], GROUND[at + GROUND_SIDE + 1u], beyond.x), beyond.y);
+}
+
+const vec3 SLAB = vec3(0.26, 0.25, 0.235); // linear
+
 void main() {
     uvec2 pixel = dealt_pixel(gl_WorkGroupSize);
     if (pixel.x >= frame.width || pixel.y >= push.rows) return;
@@ -92,36 +104,40 @@ void main() {
     uvec4 hit = HIT[at];
     Ray ray = ray_of(pixel);
 
-    // Columns are solid without end: below the floor a lit image shows what is behind their sides.
-    float z = fma(uintBitsToFloat(hit.x), ray.step.z, origin_height(ray));
-    if ((hit.z >> HIT_FACE_SHIFT & HIT_FACE_MASK) == FACE_TOP) z = float(int(hit.w));
-    else if (z < frame.floor) hit.y = NO_NODE;
-
     vec4 color = vec4(0.0);
     uint bits = BITS_MISS;
-    if (hit.y == NO_NODE) {
-        color = background(ray.world);
-    } else {
+    bool is_hit = hit.y != NO_NODE;
+    if (is_hit) {
         uint meta = node_meta(hit.y);
         int detail = int(meta >> META_DETAIL_SHIFT), level = int(meta & META_LEVEL_MASK);
         uvec2 inner = uvec2(hit.z & SECTION_SIDE - 1u, hit.z >> SECTION_LOG2 & SECTION_SIDE - 1u);
         uint face = hit.z >> HIT_FACE_SHIFT & HIT_FACE_MASK;
         ivec2 column = (index_of(hit.y) >> detail + int(SECTION_LOG2) - level) * int(SECTION_SIDE) + ivec2(inner);
+        float top = float(int(hit.w));
+        float z = face == FACE_TOP ? top : fma(uintBitsToFloat(hit.x), ray.step.z, origin_height(ray));
+        bool is_slab = false;
+        // Columns are solid without end: below the slab a lit image shows what is behind their sides.
+        if (frame.shade == SHADE_LIT && face != FACE_TOP) {
+            float ground = ground_at(detail, column);
+            is_slab = z < ground;
+            is_hit = z >= min(ground, top) - frame.slab;
+        }
         // A column larger than its node is alone.
         Here here = Here(level > detail ? index_of(hit.y) : column, max(level, detail), hit.y);
         int shown = detail;
 
         uint shows = shown_at(hit.y, inner);
-        float top = float(int(hit.w));
-        vec3 albedo = linear_of(srgb_of(shows, hit.w));
+        vec3 albedo = is_slab ? SLAB : linear_of(srgb_of(shows, hit.w));
         color = vec4(albedo, 1.0);
-        bits = bits_of(shows, hit.y, inner, face);
+        if (is_hit) bits = bits_of(shows, hit.y, inner, face);
 
-        if (frame.shade == SHADE_LIT) {
+        if (frame.shade == SHADE_LIT && is_hit) {
             float cell_steps = frame.cell_steps * float(1 << detail);
             vec2 outward = vec2(0.0);
             vec3 normal;
             vec2 slope = slope_at(here, shown, detail, column, top, cell_steps);
+            // Gentle slopes by more than twice, so that beds and ruts show; steep ones as they are.
+            slope *= 1.0 + 1.3 / (1.0 + 4.0 * dot(slope, slope));
             vec3 up = normalize(vec3(-slope, 1.0));
             if (face == FACE_TOP || face == FACE_INSIDE) {
                 normal = up;
@@ -131,17 +147,20 @@ void main() {
                 float drop = (top - z) / cell_steps;
                 normal = normalize(mix(up, vec3(outward, 0.0), smoothstep(0.2, 1.5, drop + 0.6)));
             }
-            float sky_seen = sky_at(here, shown, detail, column, z, outward, cell_steps);
+            // The slab is one plain band.
+            if (is_slab) normal = vec3(outward, 0.0);
+            float sky_seen = is_slab ? 1.0 : sky_at(here, shown, detail, column, z, outward, cell_steps);
             float lit = max(dot(normal, frame.sun), 0.0);
-            vec3 sunlight = vec3(1.0, 0.96, 0.88) * 1.05 * lit * mix(0.55, 1.0, sky_seen);
+            vec3 sunlight = vec3(1.0, 0.96, 0.88) * 1.65 * lit * mix(0.5, 1.0, sky_seen);
             vec3 skylight = vec3(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky_seen * sky_seen;
-            float bounce = 0.10 * (1.0 - 0.6 * normal.z);
-            vec3 light = sunlight + skylight * 0.62 + bounce;
+            float bounce = 0.05 * (1.0 - 0.6 * normal.z);
+            vec3 light = sunlight + skylight * 0.35 + bounce;
             // Photographs hold light already.
-            if (frame.color_source == COLOR_RGB) light = mix(vec3(1.2), light, 0.8);
+            if (frame.color_source == COLOR_RGB) light = mix(vec3(1.2), light, 0.6);
             color.rgb = albedo * light;
         }
     }
+    if (!is_hit) color = background(ray.world);
 
     vec4 sum = color * push.sample_weight;
     if (push.sample_index > 0u) sum += COLOR[at];

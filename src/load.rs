@@ -2,13 +2,15 @@
 
 use crate::attribute::AttributeSummary;
 use crate::attribute::{ColorMode, Kinds};
-use crate::coords::{Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, SectionKey, height_step};
+use crate::coords::{
+    Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, Hull, LowSurface, SectionKey, Slab, height_step,
+};
 use crate::ingest::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::ingest::budget::layer_bytes;
 use crate::ingest::input::{Input, OpenInput};
 use crate::ingest::workers::{ReadProgress, read_all};
 use crate::problems::Problems;
-use crate::sample::{self, FileSample, Opened, RgbDepth};
+use crate::sample::{self, Asked, FileSample, Opened, RgbDepth};
 use crate::section::Columns;
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
@@ -21,6 +23,7 @@ use glam::DVec3;
 use indicatif::{HumanBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -33,6 +36,8 @@ pub struct LoadOptions {
     pub placement: PlacementOptions,
     /// 8 or 16: what RGB fields hold, whatever the sample says.
     pub rgb_bits: Option<u8>,
+    /// What is to be shown at first.
+    pub asked: Asked,
     /// Memory.
     pub budget: Budget,
     /// Where it is kept what was learned of files; `None`: neither read nor written.
@@ -107,6 +112,9 @@ pub struct Loaded {
     /// Points binned.
     pub points: u64,
 }
+
+/// Thickness of the slab below lit images, in lengths of what is framed.
+const SLAB: f64 = 0.01;
 
 /// Largest absolute cell index: beyond it, f64 no longer tells neighbours apart.
 const REACH_CELLS: f64 = 9e15;
@@ -237,7 +245,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         [only] => format!("{}: ", only.file.path().display()),
         _ => String::new(),
     };
-    let sample = sample::take(&opened, &options.placement, &sample::SampleBudget::default());
+    let sample = sample::take(&opened, &options.placement, &options.asked, &sample::SampleBudget::default());
     for note in &sample.world.notes {
         let line = match note.file() {
             Some(file) => format!("{}: {note}", opened[file].file.path().display()),
@@ -294,7 +302,8 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
                 (_, Some(_)) => RgbDepth::Sixteen,
                 (chosen, None) => chosen,
             };
-            let FileSample { bounds, reach, in_nodes, contradicted, .. } = sample.files[index];
+            let FileSample { bounds, ref hull, reach, in_nodes, contradicted, .. } = sample.files[index];
+            let hull = hull.as_ref().map(|hull| hull.snapped(grid.height_step));
             let known = match contradicted {
                 None => opened.known,
                 Some(told) => {
@@ -303,14 +312,17 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
                 }
             };
             let input = Input { file: opened.file, placement, rgb };
-            inputs.push(OpenInput { input, bounds, reach, in_nodes, known });
+            inputs.push(OpenInput { input, bounds, hull, reach, in_nodes, known });
         }
     }
     let color = ColorMode::auto(&sample.attributes);
     let about = About {
         subject,
         bounds,
+        hull: sample.hull.map_or_else(|| Hull::from(&bounds), |hull| hull.snapped(grid.height_step)),
+        low: Arc::new(sample.low),
         summary: sample.attributes,
+        classes: sample.classes,
         kinds: sample.kinds,
         color,
         crs: sample.world.crs,
@@ -456,6 +468,9 @@ pub fn tiles_of(
     let about = About {
         subject: String::new(),
         bounds,
+        hull: Hull::from(&bounds),
+        low: Arc::new(LowSurface::of(&bounds, &[])),
+        classes: summary.classes.clone(),
         kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),
         summary,
         color: ColorMode::Rgb,
@@ -473,10 +488,16 @@ pub fn tiles_of(
 pub struct About {
     /// What stands before a warning.
     subject: String,
-    /// Without stray points: what is framed.
+    /// Where the points are, strays aside.
     pub bounds: Bounds,
-    /// What colours are chosen by.
+    /// What is framed: the points that were asked for.
+    pub hull: Hull,
+    /// The ground below them, roughly: where lit images end.
+    pub low: Arc<LowSurface>,
+    /// What colours are chosen by: of the points that were asked for.
     pub summary: AttributeSummary,
+    /// Points of each class in the sample, hidden ones included; estimates.
+    pub classes: Box<[u64; 256]>,
     /// Kinds of points that the sample has seen, hidden ones included.
     pub kinds: Kinds,
     /// What `--color auto` comes to.
@@ -504,11 +525,15 @@ impl About {
         }
     }
 
-    /// Where lit pictures of cells of `cell` end: a slab under the data, which low stray points do not make deeper.
+    /// What lit images of cells of `cell` end in.
+    pub fn slab(&self, cell: f64) -> Slab {
+        let thickness = SLAB * self.hull.bounds().size().truncate().max_element() + cell;
+        Slab { low: Arc::clone(&self.low), thickness }
+    }
+
+    /// U below which lit images show nothing.
     pub fn floor(&self, cell: f64) -> f64 {
-        let (bounds, height) = (self.bounds, self.summary.height);
-        let low = bounds.min.z.max(height.p2 - (height.p98 - height.p2));
-        low - 0.03 * (bounds.max - bounds.min).truncate().max_element() - 2.0 * cell
+        self.low.lowest_height().min(self.bounds.min.z) - self.slab(cell).thickness
     }
 }
 

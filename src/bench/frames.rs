@@ -161,7 +161,7 @@ pub fn view<'a>(world: &'a World, camera: &'a Camera, size: [u32; 2], window: [[
         z_scale: 1.0,
         pivot: bounds.min.z,
         bounds,
-        floor: f64::NEG_INFINITY,
+        slab: None,
         colors: &world.colors,
         shade: Shade::None,
         background: Background::None,

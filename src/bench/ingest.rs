@@ -120,7 +120,12 @@ impl Case {
     pub fn open(path: &Path, cell: Option<f64>) -> anyhow::Result<Case> {
         let mut opened = sample::open_all(&[path.to_owned()]);
         let opened = [opened.remove(0)?];
-        let sample = sample::take(&opened, &PlacementOptions::default(), &sample::SampleBudget::default());
+        let sample = sample::take(
+            &opened,
+            &PlacementOptions::default(),
+            &sample::Asked::default(),
+            &sample::SampleBudget::default(),
+        );
         let placed = sample.bounds.zip(sample.world.placements[0].clone());
         let (bounds, placement) =
             placed.with_context(|| format!("{}: no point can be drawn", path.display()))?;

@@ -277,7 +277,7 @@ impl<'a> StreamCase<'a> {
             z_scale: 1.0,
             pivot: self.about.bounds.min.z,
             bounds: self.about.bounds,
-            floor: self.floor,
+            slab: Some(self.about.slab(self.cell)),
             colors: &self.colors,
             shade: self.options.shade,
             background: Background::Sky,

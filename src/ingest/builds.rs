@@ -245,7 +245,7 @@ impl Builds {
 
     /// A file and its chunks, of which the first is to be `first`.
     fn source(&self, source: usize, first: u32, open: OpenInput) -> (Source, Vec<Chunk>) {
-        let OpenInput { input, bounds, reach, in_nodes, known } = open;
+        let OpenInput { input, bounds, reach, in_nodes, known, .. } = open;
         let grid = self.grid;
         let extent = bounds.and_then(|b| {
             let [low, high] = cells_of(&grid, b.min, b.max)?;

@@ -1,7 +1,7 @@
 //! A file that is to be read, and what its numbers mean: from raw records to world coordinates and colours.
 
 use super::bins::Meaning;
-use crate::coords::Bounds;
+use crate::coords::{Bounds, Hull};
 use crate::sample::RgbDepth;
 use crate::source::known::Known;
 use crate::source::placement::Placement;
@@ -56,6 +56,8 @@ pub struct OpenInput {
     pub input: Input,
     /// World box without stray points.
     pub bounds: Option<Bounds>,
+    /// What is framed of it.
+    pub hull: Option<Hull>,
     /// World box that no point lies outside of, where that is known.
     pub reach: Option<Bounds>,
     /// Points lie in the nodes that a COPC hierarchy has them in.

@@ -3,7 +3,7 @@
 pub use super::camera_error::CameraError;
 use super::camera_error::{finite, finite3, positive};
 pub use super::ray_basis::RayBasis;
-use crate::coords::{Bounds, on_lattice};
+use crate::coords::{Bounds, Hull, on_lattice};
 use glam::DVec3;
 
 /// Share of the image's half-width and half-height that framed data fill.
@@ -11,6 +11,9 @@ const FRAME_FILL: f64 = 0.96;
 
 /// Least depth of framed data, in radii of their box.
 const NEAREST: f64 = 0.05;
+
+/// Halvings until the middle is found to the last bit.
+const HALVINGS: u32 = 60;
 
 /// Eyes, as rays start there, lie on a lattice of so many steps in one of the heights' lattice: the same image then
 /// has the same rays bit by bit wherever in its CRS the data lies.
@@ -149,39 +152,65 @@ impl Camera {
         Ok(Camera { from: eye, offset, target: eye + axes.forward, axes, projection: projection.check()? })
     }
 
-    /// Looks in the direction of `angles` (as in [`Camera::orbit`]) from where the whole box just fits
-    /// into an image of `size` pixels, with a small margin. An orthographic projection keeps its scale
-    /// and looks at the middle of the box from outside.
+    /// [`Camera::frame_hull`] of a box.
     pub fn frame(
         bounds: &Bounds,
         angles: [f64; 2],
         projection: Projection,
         size: [u32; 2],
     ) -> Result<Camera, CameraError> {
-        let [width, height] = checked_size(size)?;
         finite3(["bounds: west", "bounds: south", "bounds: bottom"], bounds.min)?;
         finite3(["bounds: east", "bounds: north", "bounds: top"], bounds.max)?;
-        let axes = Axes::from_angles(angles)?;
-        let center = bounds.center();
         // A lone point is framed as a box of one unit.
         let is_point = bounds.min == bounds.max;
-        let corners = bounds.at_least(if is_point { 1.0 } else { 0.0 }).corners();
+        Camera::frame_hull(
+            &Hull::from(&bounds.at_least(if is_point { 1.0 } else { 0.0 })),
+            angles,
+            projection,
+            size,
+        )
+    }
+
+    /// Looks in the direction of `angles` (as in [`Camera::orbit`]) from where all of `hull`, which is more than a point,
+    /// just fits into an image of `size` pixels, with a small margin, and in its middle. An orthographic projection keeps its
+    /// scale and looks at the middle from outside.
+    pub fn frame_hull(
+        hull: &Hull,
+        angles: [f64; 2],
+        projection: Projection,
+        size: [u32; 2],
+    ) -> Result<Camera, CameraError> {
+        let [width, height] = checked_size(size)?;
+        let axes = Axes::from_angles(angles)?;
+        let bounds = hull.bounds();
+        let center = bounds.center();
         // Right, up and forward of the middle: small numbers, whatever the northing.
-        let local = corners.map(|p| {
-            let d = p - center;
-            DVec3::new(d.dot(axes.right), d.dot(axes.up), d.dot(axes.forward))
-        });
+        let local: Vec<DVec3> = hull
+            .points()
+            .iter()
+            .map(|p| {
+                let d = p - center;
+                DVec3::new(d.dot(axes.right), d.dot(axes.up), d.dot(axes.forward))
+            })
+            .collect();
         let radius = local.iter().map(|p| p.length()).fold(0.0, f64::max);
         let (eye, depth) = match projection.check()? {
-            Projection::Orthographic { .. } => (DVec3::new(0.0, 0.0, -2.0 * radius), 2.0 * radius),
+            Projection::Orthographic { .. } => {
+                let [x, y] = [0, 1].map(|axis| {
+                    let (low, high) = ends(local.iter().map(|p| p[axis]));
+                    0.5 * (low + high)
+                });
+                (DVec3::new(x, y, -2.0 * radius), 2.0 * radius)
+            }
             Projection::Perspective { fov } => {
                 let tan_y = (fov.to_radians() * 0.5).tan() * FRAME_FILL;
-                let (x, far_x) = fit(local.map(|p| [p.x, p.z]), tan_y * width / height);
-                let (y, far_y) = fit(local.map(|p| [p.y, p.z]), tan_y);
+                let across: Vec<_> = local.iter().map(|p| [p.x, p.z]).collect();
+                let upward: Vec<_> = local.iter().map(|p| [p.y, p.z]).collect();
                 // A wide angle would put the eye onto an edge of a flat box.
-                let nearest = local.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
-                let z = far_x.min(far_y).min(nearest - NEAREST * radius);
-                (DVec3::new(x, y, z), -z)
+                let (nearest, _) = ends(local.iter().map(|p| p.z));
+                let depths = [fit(&across, tan_y * width / height), fit(&upward, tan_y)];
+                let z = depths.into_iter().fold(nearest - NEAREST * radius, f64::min);
+                (DVec3::new(centred(&across, z), centred(&upward, z), z), -z)
             }
         };
         let offset = axes.right * eye.x + axes.up * eye.y + axes.forward * eye.z;
@@ -271,13 +300,37 @@ fn checked_size([width, height]: [u32; 2]) -> Result<[f64; 2], CameraError> {
     }
 }
 
-/// Position across and farthest-forward depth of an eye that sees all `points` ([across, depth]) within
-/// the slope `tan` to either side.
-fn fit(points: [[f64; 2]; 8], tan: f64) -> (f64, f64) {
+/// Lowest and highest.
+fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
+}
+
+/// Farthest-forward depth of an eye that sees all `points` ([across, depth]) within the slope `tan` to either side.
+fn fit(points: &[[f64; 2]], tan: f64) -> f64 {
     // |x - eye_x| ≤ tan (z - eye_z) for all: two bounds on eye_x that meet at the largest eye_z.
-    let low = points.iter().map(|[x, z]| x - tan * z).fold(f64::NEG_INFINITY, f64::max);
-    let high = points.iter().map(|[x, z]| x + tan * z).fold(f64::INFINITY, f64::min);
-    (0.5 * (low + high), (high - low) / (2.0 * tan))
+    let (_, low) = ends(points.iter().map(|[x, z]| x - tan * z));
+    let (high, _) = ends(points.iter().map(|[x, z]| x + tan * z));
+    (high - low) / (2.0 * tan)
+}
+
+/// Position across of an eye at depth `eye_z` that has as much of all `points`, which lie before it, to its left as to its
+/// right.
+fn centred(points: &[[f64; 2]], eye_z: f64) -> f64 {
+    let (mut low, mut high) = ends(points.iter().map(|[x, _]| *x));
+    // Falls from one end to the other.
+    let lean = |eye_x: f64| {
+        let (left, right) = ends(points.iter().map(|[x, z]| (x - eye_x) / (z - eye_z)));
+        left + right
+    };
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        match lean(middle).total_cmp(&0.0) {
+            std::cmp::Ordering::Greater => low = middle,
+            std::cmp::Ordering::Less => high = middle,
+            std::cmp::Ordering::Equal => return middle,
+        }
+    }
+    0.5 * (low + high)
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What is shown of the points, and why nothing is to be seen where every one is hidden.
 
 use crate::attribute::{ClassMask, Kinds};
+use crate::sample::Asked;
 use std::collections::BTreeSet;
 
 /// What is shown: part of the derived data.
@@ -15,6 +16,11 @@ pub struct Visibility {
 }
 
 impl Visibility {
+    /// What of the points is asked for.
+    pub fn asked(&self) -> Asked {
+        Asked { classes: self.classes, withheld: self.withheld }
+    }
+
     /// Whether points of this class are shown.
     pub fn shows(&self, class: u8, withheld: bool) -> bool {
         self.classes.shows(class) && (self.withheld || !withheld)

@@ -9,10 +9,11 @@ use super::open::Opened;
 use super::places;
 use super::read::{read_firsts, read_places, rgb_of};
 use super::rgb::{self, RgbDepth};
-use super::seen::{Seen, hidden_by_default, unpack};
-use super::summary::{Shown, summarise};
+use super::seen::{Asked, Seen, hidden_by_default, unpack};
+use super::shape::shape;
+use super::summary::{Shown, counts, summarise};
 use crate::attribute::{AttributeSummary, Kinds};
-use crate::coords::Bounds;
+use crate::coords::{Bounds, Hull, LowSurface};
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
 use crate::source::{FLAG_WITHHELD, SourceError};
@@ -32,6 +33,8 @@ pub struct FileSample {
     pub rgb_constant: Option<[u16; 3]>,
     /// World box without stray points; `None` for no points, or a file left out.
     pub bounds: Option<Bounds>,
+    /// What is framed of it: the points that were asked for; `None` where `bounds` are.
+    pub hull: Option<Hull>,
     /// World box that no point lies outside of, as far as the header and the sample say; `None` where they do not.
     pub reach: Option<Bounds>,
     /// Points lie in the nodes that a COPC hierarchy has them in, as far as the sample says.
@@ -55,20 +58,68 @@ pub struct Sample {
     pub whole: bool,
     /// Cell size, density, coverage.
     pub cell: CellChoice,
-    /// Of the points shown by default (of all, where none is); counts are estimates unless `whole`.
+    /// Of the points that were asked for (where there are none of them, of those shown by default, or of all); counts are
+    /// estimates unless `whole`.
     pub attributes: AttributeSummary,
+    /// Points of each class, hidden ones included; estimates unless `whole`.
+    pub classes: Box<[u64; 256]>,
     /// Kinds of points that were seen, hidden ones included.
     pub kinds: Kinds,
-    /// What is to be framed; `None` for no points.
+    /// Where the points are that are shown by default, strays aside; `None` for no points.
     pub bounds: Option<Bounds>,
+    /// What is framed of those that were asked for; `None` for no points.
+    pub hull: Option<Hull>,
+    /// The ground below them, roughly.
+    pub low: LowSurface,
     /// What is not obvious about that.
     pub notes: Vec<FrameNote>,
     /// Chunks that could not be read (file, why); what they hold will be missing.
     pub problems: Vec<(usize, SourceError)>,
 }
 
-/// Takes the opening sample of `files` (sorted by path) and decides.
-pub fn take(files: &[Opened], options: &PlacementOptions, budget: &SampleBudget) -> Sample {
+/// The points of the sample, each with how many it stands for, where they are in the world.
+struct PointsOf<'a> {
+    files: &'a [Opened],
+    world: &'a World,
+    weighted: &'a [Vec<(&'a Seen, f64)>],
+}
+
+impl PointsOf<'_> {
+    fn place(&self, file: usize, seen: &Seen) -> DVec3 {
+        let point = unpack(&self.files[file].file, seen.raw);
+        let placement = self.world.placements[file].as_ref().expect("only files that are drawn are sampled");
+        placement.place(point.x, point.y, point.z)
+    }
+
+    /// Those of a file that are to be shown.
+    fn placed(&self, file: usize, shown: impl Fn(&Seen) -> bool) -> impl Iterator<Item = (DVec3, f64)> {
+        let points = self.weighted[file].iter().filter(move |(seen, _)| shown(seen));
+        let placed = points.map(move |(seen, weight)| (self.place(file, seen), *weight));
+        placed.filter(|(point, _)| point.is_finite())
+    }
+
+    /// What is framed of a file; `header`: what of its header's box counts.
+    fn framed(
+        &self,
+        file: usize,
+        shown: impl Fn(&Seen) -> bool,
+        header: impl Fn(Bounds) -> Option<Bounds>,
+        whole: bool,
+    ) -> Option<frame::Framed> {
+        let placement = self.world.placements[file].as_ref()?;
+        let placed: Vec<(DVec3, f64)> = self.placed(file, shown).collect();
+        let of = &self.files[file].file;
+        // Points that are all known need no header; a header that leaves out the few that are known is wrong. Of a file
+        // of another system the box is wider than what is in it; nothing may lie outside, since nothing is drawn there.
+        let header = header_bounds(of, placement, DVec3::ZERO)
+            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && frame::holds_some(*bounds, &placed))
+            .and_then(header);
+        (of.points() > 0).then(|| frame::Framed::of(header, &placed))
+    }
+}
+
+/// Takes the opening sample of `files` (sorted by path) and decides; `asked`: what is to be shown at first.
+pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget: &SampleBudget) -> Sample {
     let mut problems = Vec::new();
     let firsts = read_firsts(files, budget, &mut problems);
     let world = World::of(&facts(files, &firsts), options);
@@ -114,39 +165,46 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &SampleBudget)
         }
     }
 
+    let points_of = PointsOf { files, world: &world, weighted: &weighted };
     // Where everything is noise, noise is what is measured.
     let everything = weighted.iter().flatten().all(|(seen, _)| hidden_by_default(seen.class, seen.flags));
-    let shown = |seen: &Seen| everything || !hidden_by_default(seen.class, seen.flags);
-    let place = |file: usize, seen: &Seen| {
-        let point = unpack(&files[file].file, seen.raw);
-        let placement = world.placements[file].as_ref().expect("only files that are drawn are sampled");
-        placement.place(point.x, point.y, point.z)
-    };
-    let framed = |index: usize| {
-        let placement = world.placements[index].as_ref()?;
-        let placed = weighted[index].iter().filter(|(seen, _)| shown(seen));
-        let placed = placed.map(|(seen, weight)| (place(index, seen), *weight));
-        let placed: Vec<(DVec3, f64)> = placed.filter(|(point, _)| point.is_finite()).collect();
-        let file = &files[index].file;
-        // Points that are all known need no header; a header that leaves out the few that are known is wrong. Of a file
-        // of another system the box is wider than what is in it; nothing may lie outside, since nothing is drawn there.
-        let header = header_bounds(file, placement, DVec3::ZERO)
-            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && frame::holds_some(*bounds, &placed));
-        (file.points() > 0).then(|| frame::Framed::of(header, &placed))
-    };
-    let framed: Vec<frame::Framed> =
-        (0..files.len()).map(|index| framed(index).unwrap_or_default()).collect();
+    let usual = |seen: &Seen| everything || !hidden_by_default(seen.class, seen.flags);
+    let is_there = weighted.iter().flatten().any(|(seen, _)| asked.shows(seen.class, seen.flags));
+    let shown = |seen: &Seen| if is_there { asked.shows(seen.class, seen.flags) } else { usual(seen) };
+    let framed: Vec<frame::Framed> = (0..files.len())
+        .map(|index| points_of.framed(index, &usual, |header| Some(header), whole).unwrap_or_default())
+        .collect();
+    let (frame, in_frame, notes) = frame::whole(&framed, |file| files[file].file.points(), whole);
+    let hulls: Vec<Option<Hull>> = framed
+        .iter()
+        .enumerate()
+        .map(|(index, framed)| {
+            // Others than usual need not fill the box that the header has for all.
+            let bounds = match *asked == Asked::default() || !is_there {
+                true => framed.bounds,
+                false => points_of.framed(index, &shown, |_| None, whole).and_then(|framed| framed.bounds),
+            };
+            let points = points_of.placed(index, &shown).map(|(point, _)| point);
+            bounds.map(|bounds| shape(&bounds, points.filter(|point| framed.keeps(*point)), drawn.len()))
+        })
+        .collect();
+    let hull = Hull::union(in_frame.iter().filter_map(|&file| hulls[file].as_ref()));
     let mut kinds = Kinds::new();
-    let mut shown_points = Vec::new();
+    let mut classes = vec![0.0; 256];
+    let (mut shown_points, mut places_shown) = (Vec::new(), Vec::new());
     for (file, points) in weighted.iter().enumerate() {
         for &(seen, weight) in points {
             kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
-            let at = place(file, seen);
+            classes[usize::from(seen.class)] += weight;
+            let at = points_of.place(file, seen);
             if shown(seen) && at.is_finite() && framed[file].keeps(at) {
+                places_shown.push(at);
                 shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
             }
         }
     }
+    let nowhere = Bounds { min: DVec3::ZERO, max: DVec3::ZERO };
+    let low = LowSurface::of(&hull.as_ref().map_or(nowhere, Hull::bounds), &places_shown);
     let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
     let ground = ground::Ground {
         files,
@@ -155,7 +213,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &SampleBudget)
         firsts: &firsts,
         whole,
         shown: &shown,
-        place: &place,
+        place: &|file, seen| points_of.place(file, seen),
         bounds: &bounds,
     };
     let patches = ground::patches(&places, &seen, &ground);
@@ -164,29 +222,32 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &SampleBudget)
         // Headers round; a step more holds what they mean, however small cells are.
         let header = header_bounds(file, placement, file.header.scale.abs())?;
         let inside = |(seen, _): &(&Seen, f64)| {
-            let point = place(index, seen);
+            let point = points_of.place(index, seen);
             point.cmpge(header.min).all() && point.cmple(header.max).all()
         };
         weighted[index].iter().all(inside).then_some(header)
     };
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
-    let (frame, notes) = frame::whole(&framed, |file| files[file].file.points(), whole);
     Sample {
         points,
         sampled: weighted.iter().map(Vec::len).sum::<usize>() as u64,
         whole,
         cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
         attributes: summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file))),
+        classes: counts(&classes),
         kinds,
         bounds: frame,
+        hull: hull.or_else(|| frame.as_ref().map(Hull::from)),
+        low,
         notes,
         files: (0..)
             .zip(rgb)
             .zip(&bounds)
-            .map(|((index, rgb), &bounds)| {
+            .zip(hulls)
+            .map(|(((index, rgb), &bounds), hull)| {
                 let (reach, in_nodes, contradicted) = (reach(index), in_nodes[index], contradicted[index]);
                 let rgb_constant = rgb::constant(&stored[index]).filter(|_| rgb != RgbDepth::None);
-                FileSample { rgb, rgb_constant, bounds, reach, in_nodes, contradicted }
+                FileSample { rgb, rgb_constant, bounds, hull, reach, in_nodes, contradicted }
             })
             .collect(),
         problems,

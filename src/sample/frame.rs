@@ -310,12 +310,12 @@ impl FrameNote {
     }
 }
 
-/// The box of the whole, and what is to be said of it. `points`: of a file; `exact`: every point was seen.
+/// The box of the whole, the files in it, and what is to be said of it. `points`: of a file; `exact`: every point was seen.
 pub fn whole(
     files: &[Framed],
     points: impl Fn(usize) -> u64,
     exact: bool,
-) -> (Option<Bounds>, Vec<FrameNote>) {
+) -> (Option<Bounds>, Vec<usize>, Vec<FrameNote>) {
     let boxes: Vec<(usize, Bounds)> =
         files.iter().enumerate().filter_map(|(file, framed)| Some((file, framed.bounds?))).collect();
     let sized: Vec<(Bounds, u64)> = boxes.iter().map(|&(file, bounds)| (bounds, points(file))).collect();
@@ -334,12 +334,12 @@ pub fn whole(
         notes.push(FrameNote::FarFiles { files, distance });
     }
     let framed = (0..boxes.len()).filter(|at| !far_off.contains(at));
-    let framed: Vec<Bounds> = framed.map(|at| boxes[at].1).collect();
+    let (in_it, framed): (Vec<usize>, Vec<Bounds>) = framed.map(|at| boxes[at]).unzip();
     let within = files.iter().filter_map(|framed| framed.apart);
     if let Some(distance) = within.chain(apart(&framed)).reduce(f64::max) {
         notes.push(FrameNote::Apart { distance });
     }
-    (whole, notes)
+    (whole, in_it, notes)
 }
 
 /// The box of the whole: of all files but those that lie far off and hold next to nothing (under 0.1 %

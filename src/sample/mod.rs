@@ -21,6 +21,7 @@ mod quantile;
 mod read;
 mod rgb;
 mod seen;
+mod shape;
 mod summary;
 
 pub use budget::SampleBudget;
@@ -30,4 +31,4 @@ pub use frame::FrameNote;
 pub use open::{Opened, open_all};
 pub(crate) use parallel::parallel;
 pub use rgb::RgbDepth;
-pub use seen::hidden_by_default;
+pub use seen::{Asked, hidden_by_default};

@@ -1,7 +1,25 @@
 //! A point of the sample, as it is stored, and whether it is shown by default.
 
+use crate::attribute::ClassMask;
 use crate::source::{FLAG_WITHHELD, LidarFile, PointBlock};
 use glam::DVec3;
+
+/// What of the points is to be shown at first: cell size, ranges of colours and framing are chosen from that.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Asked {
+    /// Classes; by default all but noise.
+    pub classes: ClassMask,
+    /// Withheld points, too.
+    pub withheld: bool,
+}
+
+impl Asked {
+    /// Whether a point is.
+    #[inline]
+    pub fn shows(&self, class: u8, flags: u8) -> bool {
+        self.classes.shows(class) && (self.withheld || flags & FLAG_WITHHELD == 0)
+    }
+}
 
 /// Whether a point is hidden unless asked for: noise and withheld.
 #[inline]

@@ -279,8 +279,7 @@ impl Data {
             let pivot = about.bounds.min.z;
             // Solid columns without end are seen from below, too.
             let bounds = about.bounds;
-            let deep = 0.1 * (bounds.max - bounds.min).max_element();
-            let floor = if lit { bounds.min.z - deep } else { bounds.solid_down_to() };
+            let floor = if lit { about.floor(self.grid.cell()) } else { bounds.solid_down_to() };
             ticked = sight(camera, size, [z_scale, pivot], floor, 1.0).map_err(anyhow::Error::from).and_then(
                 |sight| {
                     let now = live.tick(scene, &sight, upload_bytes)?;
@@ -601,6 +600,7 @@ impl Data {
                 cell: options.cell,
                 placement: PlacementOptions { known: world, ..options.placement },
                 rgb_bits: options.rgb_bits,
+                asked: options.visibility.asked(),
                 budget: Budget { host_bytes: options.host_bytes, device_bytes: options.device_bytes },
                 cache: options.cache,
                 quiet: true,

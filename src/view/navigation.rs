@@ -5,8 +5,8 @@ use super::data::Data;
 use super::input::Move;
 use super::navigate;
 use super::options::WindowOptions;
-use super::settings::{Settings, floor};
-use crate::coords::Bounds;
+use super::settings::Settings;
+use crate::coords::Hull;
 use crate::render::camera::{Camera, CameraError, DEFAULT_ORBIT, Projection};
 use crate::render::path::CameraPath;
 use crate::render::screen::Pick;
@@ -159,7 +159,7 @@ impl Navigation {
             Projection::Orthographic { .. } => Projection::default(),
             perspective => perspective,
         };
-        if let Ok(camera) = Camera::frame(&framed, angles, projection, canvas.size()) {
+        if let Ok(camera) = Camera::frame_hull(&framed, angles, projection, canvas.size()) {
             self.go_from_here(camera);
         }
     }
@@ -202,12 +202,17 @@ impl Navigation {
         self.camera = match (options.eye.map(place), target) {
             (Some(eye), Some(target)) => Camera::look_at(eye, target, projection)?,
             (_, target) => {
-                let whole = Camera::frame(&framed, angles, projection, size)?;
+                let whole = Camera::frame_hull(&framed, angles, projection, size)?;
                 match (target, distance) {
                     (None, None) => whole,
                     (target, distance) => {
-                        let distance = distance.unwrap_or((whole.eye() - framed.center()).length());
-                        Camera::orbit(target.unwrap_or(framed.center()), angles, distance, projection)?
+                        let distance = distance.unwrap_or((whole.eye() - framed.bounds().center()).length());
+                        Camera::orbit(
+                            target.unwrap_or(framed.bounds().center()),
+                            angles,
+                            distance,
+                            projection,
+                        )?
                     }
                 }
             }
@@ -217,10 +222,10 @@ impl Navigation {
     }
 }
 
-/// Where most of the data is, with the slab below it, as shown.
-fn framed(data: &Data, settings: &Settings) -> Option<Bounds> {
+/// What is framed of the data, with the slab below it, as shown.
+fn framed(data: &Data, settings: &Settings) -> Option<Hull> {
     let about = data.about()?;
-    let slab = Bounds { min: about.bounds.min.with_z(floor(data)?), ..about.bounds };
     let cell = data.grid().0.cell();
-    Some(slab.exaggerated(settings.z_scale, about.bounds.min.z).of_cells(cell))
+    let hull = about.hull.of_cells(cell).on_slab(&about.slab(cell));
+    Some(hull.exaggerated(settings.z_scale, about.bounds.min.z))
 }

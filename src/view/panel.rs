@@ -492,7 +492,7 @@ fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
         ui.label(weak("…"));
         return;
     };
-    let counts = &about.summary.classes;
+    let counts = &about.classes;
     let listed = |class: &u8| counts[usize::from(*class)] > 0 || NOISE.contains(class);
     let mask = &mut visibility.classes;
     for class in (0..=255u8).filter(listed) {

@@ -31,11 +31,6 @@ pub struct Settings {
 /// Colours, and the mode that was asked for: a field that is the same everywhere may be drawn through another.
 pub type Colors = (ColorMode, ColorTable);
 
-/// Where lit images end.
-pub fn floor(data: &Data) -> Option<f64> {
-    Some(data.about()?.floor(data.grid().0.cell()))
-}
-
 /// The view that an image of `size` pixels shows; `None` while nothing is known of the data.
 pub fn view_of<'a>(
     data: &Data,
@@ -52,7 +47,7 @@ pub fn view_of<'a>(
         z_scale: settings.z_scale,
         pivot: bounds.min.z,
         bounds,
-        floor: floor(data)?,
+        slab: Some(data.about()?.slab(data.grid().0.cell())),
         colors: &colors?.1,
         shade: settings.shade,
         background: Background::Sky,

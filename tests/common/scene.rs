@@ -147,7 +147,12 @@ impl Data {
 /// How the first of `paths` gets into the world of all of them.
 pub fn placement(paths: &[PathBuf]) -> Placement {
     let opened: Vec<_> = sample::open_all(paths).into_iter().filter_map(Result::ok).collect();
-    let sample = sample::take(&opened, &PlacementOptions::default(), &sample::SampleBudget::default());
+    let sample = sample::take(
+        &opened,
+        &PlacementOptions::default(),
+        &sample::Asked::default(),
+        &sample::SampleBudget::default(),
+    );
     sample.world.placements.into_iter().flatten().next().expect("a file that is drawn")
 }
 

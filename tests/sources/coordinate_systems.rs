@@ -133,7 +133,7 @@ fn real_files_are_placed_as_their_system_asks() {
 /// Takes the opening sample of files.
 fn world_of(paths: &[PathBuf], options: &PlacementOptions) -> World {
     let opened: Vec<_> = sample::open_all(paths).into_iter().map(Result::unwrap).collect();
-    sample::take(&opened, options, &sample::SampleBudget::default()).world
+    sample::take(&opened, options, &sample::Asked::default(), &sample::SampleBudget::default()).world
 }
 
 /// Small files after what people reported of other programs.

@@ -137,7 +137,12 @@ fn a_file_that_vanishes_or_changes_is_named_once() {
     let opened = sample::open_all(std::slice::from_ref(&path));
     std::fs::remove_file(&path).unwrap();
     let opened: Vec<_> = opened.into_iter().map(Result::unwrap).collect();
-    let sample = sample::take(&opened, &PlacementOptions::default(), &sample::SampleBudget::default());
+    let sample = sample::take(
+        &opened,
+        &PlacementOptions::default(),
+        &sample::Asked::default(),
+        &sample::SampleBudget::default(),
+    );
     assert!(sample.problems.iter().any(|(_, e)| e.to_string().contains("gone.laz")), "{:?}", sample.problems);
 }
 

@@ -74,10 +74,15 @@ fn the_sampled_cell_size_is_that_of_every_point() {
             continue;
         }
         let start = std::time::Instant::now();
-        let usual = sample::take(&files, &PlacementOptions::default(), &SampleBudget::default());
+        let usual = sample::take(
+            &files,
+            &PlacementOptions::default(),
+            &sample::Asked::default(),
+            &SampleBudget::default(),
+        );
         let time = start.elapsed();
         let full = full_choice(&files, &usual);
-        let thin = sample::take(&files, &PlacementOptions::default(), &small);
+        let thin = sample::take(&files, &PlacementOptions::default(), &sample::Asked::default(), &small);
         for (index, (label, sample)) in [("usual", &usual), ("small", &thin)].into_iter().enumerate() {
             if sample.whole {
                 assert_eq!(sample.cell, full, "{name}");
@@ -108,7 +113,12 @@ fn the_sampled_cell_size_is_that_of_every_point() {
 
 fn sample_of(data: &Path, name: &str) -> (Vec<Opened>, Sample) {
     let files = open(&inputs::expand([data.join(name)]).files);
-    let sample = sample::take(&files, &PlacementOptions::default(), &SampleBudget::default());
+    let sample = sample::take(
+        &files,
+        &PlacementOptions::default(),
+        &sample::Asked::default(),
+        &SampleBudget::default(),
+    );
     (files, sample)
 }
 
@@ -146,7 +156,12 @@ fn frames_of_real_files() {
     let Some(data) = data() else { return };
     for (name, paths) in sets(&data) {
         let files = open(&paths);
-        let sample = sample::take(&files, &PlacementOptions::default(), &SampleBudget::default());
+        let sample = sample::take(
+            &files,
+            &PlacementOptions::default(),
+            &sample::Asked::default(),
+            &SampleBudget::default(),
+        );
         let Some(bounds) = sample.bounds else { continue };
         let (mut inside, mut shown) = (0, 0);
         for (Opened { file, .. }, placement) in files.iter().zip(&sample.world.placements) {
@@ -220,7 +235,12 @@ fn the_order_of_the_inputs_changes_nothing() {
     let real = |paths: &[PathBuf]| paths.iter().map(|p| p.canonicalize().unwrap()).collect::<Vec<_>>();
     assert_eq!(real(&forth), real(&back));
     let take = |files: &[PathBuf]| {
-        let sample = sample::take(&open(files), &PlacementOptions::default(), &SampleBudget::default());
+        let sample = sample::take(
+            &open(files),
+            &PlacementOptions::default(),
+            &sample::Asked::default(),
+            &SampleBudget::default(),
+        );
         format!("{:?}", sample)
     };
     assert_eq!(take(&forth), take(&forth));
@@ -246,7 +266,7 @@ fn sample_made(files: &[Made], budget: &SampleBudget) -> Sample {
     }
     let files = open(&paths);
     assert_eq!(files.len(), paths.len());
-    sample::take(&files, &PlacementOptions::default(), budget)
+    sample::take(&files, &PlacementOptions::default(), &sample::Asked::default(), budget)
 }
 
 const CENTIMETRES: [f64; 3] = [0.01; 3];

@@ -8,6 +8,7 @@ use crate::load::{self, LoadOptions};
 use crate::output::Target;
 use crate::render::benchmark_path::PathKind;
 use crate::render::frame::Shade;
+use crate::sample::Asked;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -127,6 +128,7 @@ impl Args {
             cell: Some(self.cell),
             placement: self.placement.options(),
             rgb_bits: None,
+            asked: Asked::default(),
             // Nothing is coarsened: cells are what is compared.
             budget: Budget { host_bytes: u64::MAX, device_bytes: u64::MAX },
             cache: None,

@@ -27,7 +27,7 @@ pub(super) fn gather(args: &Args, found: &Inputs, problems: &mut Problems) -> In
         }
     }
     let options = args.placement.options();
-    let sample = sample::take(&files, &options, &SampleBudget::default());
+    let sample = sample::take(&files, &options, &sample::Asked::default(), &SampleBudget::default());
     let scans = if args.scan { scan::every_file(&files, args.quiet) } else { Vec::new() };
     let mut scans = scans.into_iter();
 

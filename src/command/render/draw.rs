@@ -39,7 +39,7 @@ pub(super) fn draw(
     let floor = about.floor(grid.cell());
     let (bounds, pivot, base) = (about.bounds, about.bounds.min.z, about.base);
     let place = |v: DVec3| base.place(v);
-    let framed = framed(args, &bounds, floor, grid.cell());
+    let framed = framed(args, &about, grid.cell());
     let (cameras, size) = match film {
         Some(film) => (film.cameras(place)?, args.size.unwrap_or([1280, 720])),
         None => camera(args, &framed, place).map(|(camera, size)| (vec![camera], size))?,
@@ -65,7 +65,7 @@ pub(super) fn draw(
         z_scale: args.z_scale,
         pivot,
         bounds,
-        floor,
+        slab: Some(about.slab(grid.cell())),
         colors: &colors,
         shade: args.shade,
         background: args.background.unwrap_or(if parallel { Background::White } else { Background::Sky }),

@@ -55,6 +55,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         cell: args.cell.0,
         placement: args.placement.options(),
         rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
+        asked: args.visibility().asked(),
         budget: Budget {
             host_bytes: args.host_memory,
             // Pages of the pool do not fill up to the last byte.

@@ -6,7 +6,7 @@ use super::pipelines::FramePass;
 use crate::gpu::{Binding, BindingCache, Buffer, Commands, Gpu, GpuError, MemoryKind};
 use crate::resident::pool::Access;
 use crate::resident::table::Table;
-use crate::shared::passes::{RAMP_ENTRIES, TILE, WIDE_TILE};
+use crate::shared::passes::{GROUND_SIDE, RAMP_ENTRIES, TILE, WIDE_TILE};
 use std::sync::{Arc, Weak};
 
 /// How far a beam came and its level, in one word.
@@ -44,19 +44,23 @@ impl FrameInputs {
             frame: make("frame constants", size_of::<FrameConstants>() as u64)?,
             table: make("section table", LEAST_TABLE_BYTES.max(table_bytes))?,
             written: Weak::new(),
-            ramp: make("colour ramp", u64::from(RAMP_ENTRIES) * 16)?,
+            ramp: make(
+                "colour ramp and ground",
+                u64::from(RAMP_ENTRIES) * 16 + u64::from(GROUND_SIDE * GROUND_SIDE) * 4,
+            )?,
             bindings: BindingCache::default(),
         })
     }
 
     /// Writes all of them; the ramp: 256 colours.
-    pub fn write(&mut self, constants: &FrameConstants, table: &Arc<Table>, ramp: &[u8]) {
+    pub fn write(&mut self, constants: &FrameConstants, table: &Arc<Table>, ramp: &[u8], ground: &[f32]) {
         // What is pointed to weakly keeps its place in memory.
         if !std::ptr::eq(self.written.as_ptr(), Arc::as_ptr(table)) {
             self.table.write(0, bytemuck::cast_slice(&table.slots));
             self.written = Arc::downgrade(table);
         }
         self.ramp.write(0, ramp);
+        self.ramp.write(u64::from(RAMP_ENTRIES) * 16, bytemuck::cast_slice(ground));
         self.frame.write(0, bytemuck::bytes_of(constants));
     }
 

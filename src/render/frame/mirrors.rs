@@ -3,7 +3,7 @@
 use super::options::{Background, Shade, View};
 use super::rays::{Origins, ViewRays};
 use crate::attribute::ColorMode;
-use crate::coords::{Grid, Height};
+use crate::coords::{Grid, Height, LOW_SIDE, LowSurface, Slab};
 use crate::shared::passes::{
     BACKGROUND_NONE, BACKGROUND_SKY, BACKGROUND_WHITE, BITS_FACE_SHIFT, COLOR_CLASS, COLOR_HEIGHT,
     COLOR_INTENSITY, COLOR_RETURNS, COLOR_RGB, FACE_TOP, SHADE_LIT,
@@ -48,7 +48,10 @@ pub(crate) struct FrameConstants {
     pub(crate) cell_steps: f32,
     pub(crate) sun: [f32; 3],
     pub(crate) background: u32,
-    pub(crate) floor: f32,
+    pub(crate) ground_first: [i32; 2],
+    pub(crate) ground_scale: [f32; 2],
+    pub(crate) ground_at: [f32; 2],
+    pub(crate) slab: f32,
 }
 
 impl FrameConstants {
@@ -61,8 +64,8 @@ impl FrameConstants {
         let (down_int, down_fraction) = parts(down.map(|step| step * 16));
         let to_local =
             DVec3::new(1.0 / cell, 1.0 / cell, 1.0 / (grid.height_step * view.z_scale)) * rays.unit;
-        // From the north-west, 45° high, as on maps.
-        let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
+        let sun = sun();
+        let ground = view.slab.as_ref().map_or_else(GroundPlace::default, |slab| GroundPlace::of(slab, grid));
         FrameConstants {
             width: view.size[0],
             height: view.size[1],
@@ -96,12 +99,50 @@ impl FrameConstants {
                 Background::White => BACKGROUND_WHITE,
                 Background::Sky => BACKGROUND_SKY,
             },
-            floor: match view.shade {
-                Shade::None => f32::NEG_INFINITY,
-                Shade::Lit => (view.floor / grid.height_step - f64::from(height_anchor.0)) as f32,
-            },
+            slab: view.slab.as_ref().map_or(f32::INFINITY, |slab| (slab.thickness / grid.height_step) as f32),
+            ground_first: ground.first,
+            ground_scale: ground.scale,
+            ground_at: ground.at,
             ..FrameConstants::zeroed()
         }
+    }
+}
+
+/// Towards the sun: in the north-west, as on maps, 36° high.
+pub(in super::super) fn sun() -> DVec3 {
+    DVec3::new(-4.0, 4.0, 4.0).normalize()
+}
+
+/// Where on the ground's heights cells lie: see `Frame` in `shaders/frame.glsl`.
+#[derive(Default)]
+struct GroundPlace {
+    first: [i32; 2],
+    scale: [f32; 2],
+    at: [f32; 2],
+}
+
+impl GroundPlace {
+    fn of(slab: &Slab, grid: &Grid) -> GroundPlace {
+        let (cell, LowSurface { origin, cell: side, .. }) = (grid.cell(), &*slab.low);
+        let on_axis = |axis: usize| {
+            let first = (origin[axis] / cell).floor();
+            let scale = cell / side[axis];
+            let local = first as i64 - grid.anchor[axis];
+            let at = (first - origin[axis] / cell) * scale - 0.5;
+            let local = local.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+            (local, scale.min(f64::from(f32::MAX)) as f32, at.max(f64::from(f32::MIN)) as f32)
+        };
+        let [east, north] = [on_axis(0), on_axis(1)];
+        GroundPlace { first: [east.0, north.0], scale: [east.1, north.1], at: [east.2, north.2] }
+    }
+}
+
+/// The ground's heights as shaders read them: lattice steps from the anchor.
+pub(crate) fn ground_heights(slab: Option<&Slab>, grid: &Grid, height_anchor: Height) -> Vec<f32> {
+    let steps = |height: &f64| (height / grid.height_step - f64::from(height_anchor.0)) as f32;
+    match slab {
+        Some(slab) => slab.low.heights.iter().map(steps).collect(),
+        None => vec![f32::MIN; LOW_SIDE * LOW_SIDE],
     }
 }
 
@@ -259,7 +300,10 @@ mod tests {
             cell_steps,
             sun,
             background,
-            floor,
+            ground_first,
+            ground_scale,
+            ground_at,
+            slab,
         });
         let texels = readers_of_texels();
         assert_in(&readers, &constants);

@@ -17,7 +17,7 @@ pub use error::FrameError;
 pub use log::{LOG_STEP, LOG_WORDS};
 pub(crate) use mirrors::{FrameConstants, FramePush, halves};
 #[cfg(feature = "view")]
-pub(super) use mirrors::{HitRecord, sample_at};
+pub(super) use mirrors::{HitRecord, sample_at, sun};
 pub use options::{Background, Logged, PASSES, PassOptions, PassRepeats, Shade, Traversal, View};
 #[cfg(feature = "view")]
 pub use pipelines::pipeline_descs;

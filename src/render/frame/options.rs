@@ -2,7 +2,7 @@
 
 use super::super::camera::Camera;
 use crate::attribute::ColorTable;
-use crate::coords::Bounds;
+use crate::coords::{Bounds, Slab};
 use crate::gpu::DeviceKind;
 
 /// Which traversal.
@@ -49,8 +49,8 @@ pub struct View<'a> {
     pub pivot: f64,
     /// Where most of the data is, not exaggerated. Numbers are finest from its near side on.
     pub bounds: Bounds,
-    /// Lit images end at this height, CRS units: columns are solid without end, which nobody wants to see.
-    pub floor: f64,
+    /// What lit images end in below; `None`: columns are solid without end in them, too.
+    pub slab: Option<Slab>,
     /// Colour of hits.
     pub colors: &'a ColorTable,
     /// Light.

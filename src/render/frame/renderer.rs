@@ -263,7 +263,8 @@ impl Renderer {
             FrameInputs::with_room(self.in_flight[slot].take(), &gpu, size_of_val(&table.slots[..]) as u64)?;
         let targets = self.targets.as_ref().expect("prepared");
         let constants = self.constants(view, rays, table, (&inputs, targets), band);
-        inputs.write(&constants, table, bytemuck::cast_slice(view.colors.table.as_slice()));
+        let ground = super::mirrors::ground_heights(view.slab.as_ref(), &self.grid, self.anchor);
+        inputs.write(&constants, table, bytemuck::cast_slice(view.colors.table.as_slice()), &ground);
 
         let has_beams = self.targets.as_mut().expect("prepared").has_beams_for(band);
         let passes = self.pipelines.passes(&gpu, view, band, has_beams)?;

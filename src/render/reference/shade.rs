@@ -4,7 +4,7 @@ use super::columns::{Column, ColumnMap};
 use super::trace::{Face, Hit};
 use crate::attribute::{ColorMode, ColorTable};
 use crate::render::camera::RayBasis;
-use crate::render::frame::{Background, Shade, View};
+use crate::render::frame::{Background, Shade, View, sun};
 use glam::{DVec2, DVec3};
 
 /// Columns at these distances dim the sky.
@@ -22,13 +22,30 @@ pub fn shade(
 ) -> [f64; 4] {
     let along = rays.direction(px, py) * DVec3::new(1.0, 1.0, view.z_scale);
     let lit = view.shade == Shade::Lit;
-    // Below the floor a lit image shows what is behind the sides of columns.
-    let Some(hit) = hit.filter(|hit| !lit || hit.face == Face::Top || hit.height >= view.floor) else {
+    // Below the slab a lit image shows what is behind the sides of columns.
+    let Some(hit) = hit.filter(|hit| !lit || is_seen(map, view, hit)) else {
         return background(view.background, along.normalize());
     };
-    let albedo = srgb(view.colors, &hit.column).map(linear);
-    let color = if lit { DVec3::from(albedo) * light(map, view, &hit) } else { DVec3::from(albedo) };
+    let is_slab =
+        lit && hit.face != Face::Top && ground(map, view, &hit).is_some_and(|ground| hit.height < ground);
+    let albedo = if is_slab { SLAB } else { srgb(view.colors, &hit.column).map(linear) };
+    let color = if lit { DVec3::from(albedo) * light(map, view, &hit, is_slab) } else { DVec3::from(albedo) };
     [color.x, color.y, color.z, 1.0]
+}
+
+/// What the slab below the ground is of, linear.
+const SLAB: [f64; 3] = [0.26, 0.25, 0.235];
+
+/// Height of the ground at a hit's column, in rough outline; `None` where nothing ends below.
+fn ground(map: &ColumnMap, view: &View, hit: &Hit) -> Option<f64> {
+    let middle = DVec2::new(hit.cell[0] as f64 + 0.5, hit.cell[1] as f64 + 0.5) * map.cell_size;
+    view.slab.as_ref().map(|slab| slab.low.at(middle))
+}
+
+/// Whether a lit image shows this, and not what is behind it.
+pub fn is_seen(map: &ColumnMap, view: &View, hit: &Hit) -> bool {
+    let (Some(ground), Some(slab)) = (ground(map, view, hit), &view.slab) else { return true };
+    hit.face == Face::Top || hit.height >= ground.min(map.top(&hit.column)) - slab.thickness
 }
 
 /// Colour of a column, sRGB: see [`ColorTable`].
@@ -57,11 +74,8 @@ fn background(background: Background, direction: DVec3) -> [f64; 4] {
         Background::White => [1.0; 4],
         Background::Sky => {
             let up = direction.z;
-            let sky = if up >= 0.0 {
-                DVec3::new(0.80, 0.87, 0.94).lerp(DVec3::new(0.30, 0.49, 0.76), smoothstep(0.0, 0.7, up))
-            } else {
-                DVec3::new(0.80, 0.85, 0.90).lerp(DVec3::new(0.60, 0.65, 0.70), smoothstep(0.0, 0.8, -up))
-            };
+            let away = if up >= 0.0 { DVec3::new(0.30, 0.49, 0.76) } else { DVec3::new(0.62, 0.67, 0.72) };
+            let sky = DVec3::new(0.82, 0.87, 0.92).lerp(away, smoothstep(0.0, 0.75, up.abs()));
             let [r, g, b] = sky.to_array().map(linear);
             [r, g, b, 1.0]
         }
@@ -74,12 +88,13 @@ fn smoothstep(from: f64, to: f64, x: f64) -> f64 {
 }
 
 /// Light on a hit: sun, sky, and what the ground throws back.
-fn light(map: &ColumnMap, view: &View, hit: &Hit) -> DVec3 {
+fn light(map: &ColumnMap, view: &View, hit: &Hit, is_slab: bool) -> DVec3 {
     // CRS units up that are seen as steep as a cell's side is long.
     let steep = map.cell_size / view.z_scale;
     let top = map.top(&hit.column);
     let z = if hit.face == Face::Top { top } else { hit.height };
     let slope = slope(map, hit.cell, top, steep);
+    let slope = slope * (1.0 + 1.3 / (1.0 + 4.0 * slope.length_squared()));
     let up = DVec3::new(-slope.x, -slope.y, 1.0).normalize();
     let outward = match hit.face {
         Face::Top | Face::Inside => None,
@@ -93,13 +108,16 @@ fn light(map: &ColumnMap, view: &View, hit: &Hit) -> DVec3 {
         let wall = smoothstep(0.2, 1.5, (top - z) / steep + 0.6);
         up.lerp(outward.extend(0.0), wall).normalize()
     });
-    let sky = sky(map, hit.cell, z, outward.unwrap_or(DVec2::ZERO), steep);
-    let sun = DVec3::new(-0.5, 0.5, std::f64::consts::FRAC_1_SQRT_2);
-    let sunlight = DVec3::new(1.0, 0.96, 0.88) * 1.05 * normal.dot(sun).max(0.0) * (0.55 + 0.45 * sky);
+    // The slab is one plain band.
+    let (normal, sky) = match is_slab {
+        true => (outward.unwrap_or(DVec2::ZERO).extend(0.0), 1.0),
+        false => (normal, sky(map, hit.cell, z, outward.unwrap_or(DVec2::ZERO), steep)),
+    };
+    let sunlight = DVec3::new(1.0, 0.96, 0.88) * 1.65 * normal.dot(sun()).max(0.0) * (0.5 + 0.5 * sky);
     let skylight = DVec3::new(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky * sky;
-    let light = sunlight + skylight * 0.62 + 0.10 * (1.0 - 0.6 * normal.z);
+    let light = sunlight + skylight * 0.35 + 0.05 * (1.0 - 0.6 * normal.z);
     // Photographs hold light already.
-    if view.colors.mode == ColorMode::Rgb { DVec3::splat(1.2).lerp(light, 0.8) } else { light }
+    if view.colors.mode == ColorMode::Rgb { DVec3::splat(1.2).lerp(light, 0.6) } else { light }
 }
 
 fn top_at(map: &ColumnMap, [i, j]: [i64; 2], [di, dj]: [i64; 2]) -> Option<f64> {

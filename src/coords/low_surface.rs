@@ -1,0 +1,197 @@
+//! The ground in rough outline: where lit images end below.
+
+use super::bounds::Bounds;
+use crate::shared::passes::GROUND_SIDE;
+use glam::{DVec2, DVec3};
+use std::sync::Arc;
+
+/// Cells each way.
+pub const LOW_SIDE: usize = GROUND_SIDE as usize;
+/// Share of a cell's points below its height: strays below the ground are fewer.
+const LOW: f64 = 0.02;
+/// A slope is steep beside the gentlest quarter of all if it is so many times as steep: a wall, not a hillside.
+const STEEP: f64 = 4.0;
+/// And at least so steep.
+const LEAST_STEEP: f64 = 0.15;
+const NEAR: [[isize; 2]; 8] = [[-1, -1], [0, -1], [1, -1], [-1, 0], [1, 0], [-1, 1], [0, 1], [1, 1]];
+
+/// Heights of the ground, or of the lowest that there is, over a box, bilinear between the middles of its cells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LowSurface {
+    /// South-west corner.
+    pub origin: DVec2,
+    /// Sides of a cell.
+    pub cell: DVec2,
+    /// Row by row from the south, [`LOW_SIDE`] each way.
+    pub heights: Vec<f64>,
+}
+
+/// What lit images end in below: columns are solid without end, which nobody wants to see. Thin, and as the ground is.
+#[derive(Clone, Debug)]
+pub struct Slab {
+    /// Its upper side, where a column is not lower.
+    pub low: Arc<LowSurface>,
+    /// Thickness, CRS units.
+    pub thickness: f64,
+}
+
+impl LowSurface {
+    /// Of points in `bounds`; flat at its bottom where there are none.
+    pub fn of(bounds: &Bounds, points: &[DVec3]) -> LowSurface {
+        let cell = (bounds.size().truncate() / LOW_SIDE as f64).max(DVec2::splat(f64::MIN_POSITIVE));
+        let mut surface = LowSurface {
+            origin: bounds.min.truncate(),
+            cell,
+            heights: vec![bounds.min.z; LOW_SIDE * LOW_SIDE],
+        };
+        let mut low = surface.lowest(points);
+        if low.iter().any(Option::is_some) {
+            fill(&mut low);
+            surface.heights = low.into_iter().flatten().collect();
+            surface.below_walls();
+            surface.smooth();
+        }
+        surface
+    }
+
+    /// Cells and what is beyond the middle of one, towards the next, each way; held at the border.
+    fn place(&self, at: DVec2) -> ([usize; 2], DVec2) {
+        let last = (LOW_SIDE - 1) as f64;
+        let on = ((at - self.origin) / self.cell - 0.5).clamp(DVec2::ZERO, DVec2::splat(last));
+        let first = on.floor().min(DVec2::splat(last - 1.0));
+        ([first.x as usize, first.y as usize], on - first)
+    }
+
+    /// Height at E, N; beyond the box that of its border.
+    pub fn at(&self, at: DVec2) -> f64 {
+        let ([i, j], beyond) = self.place(at);
+        let row = |j: usize| {
+            let [a, b] = [0, 1].map(|k| self.heights[j * LOW_SIDE + i + k]);
+            a + (b - a) * beyond.x
+        };
+        let [south, north] = [row(j), row(j + 1)];
+        south + (north - south) * beyond.y
+    }
+
+    /// The lowest of it.
+    pub fn lowest_height(&self) -> f64 {
+        self.heights.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// A low height of each cell that has points.
+    fn lowest(&self, points: &[DVec3]) -> Vec<Option<f64>> {
+        let mut cells: Vec<Vec<f64>> = vec![Vec::new(); LOW_SIDE * LOW_SIDE];
+        for point in points {
+            let on = ((point.truncate() - self.origin) / self.cell).floor();
+            let [i, j] = on.to_array().map(|v| v.clamp(0.0, (LOW_SIDE - 1) as f64) as usize);
+            cells[j * LOW_SIDE + i].push(point.z);
+        }
+        let low = |mut heights: Vec<f64>| {
+            let last = heights.len().checked_sub(1)?;
+            let at = (LOW * last as f64).ceil() as usize;
+            Some(*heights.select_nth_unstable_by(at, f64::total_cmp).1)
+        };
+        cells.into_iter().map(low).collect()
+    }
+
+    /// Steepest that the ground may be, from the gentle quarter of what there is.
+    fn steepest(&self) -> f64 {
+        let slope = |at: usize, to: usize, length: f64| (self.heights[at] - self.heights[to]).abs() / length;
+        let east = (0..LOW_SIDE * LOW_SIDE).filter(|at| at % LOW_SIDE + 1 < LOW_SIDE);
+        let north = 0..LOW_SIDE * (LOW_SIDE - 1);
+        let mut slopes: Vec<f64> = east
+            .map(|at| slope(at, at + 1, self.cell.x))
+            .chain(north.map(|at| slope(at, at + LOW_SIDE, self.cell.y)))
+            .collect();
+        let quarter = slopes.len() / 4;
+        (STEEP * *slopes.select_nth_unstable_by(quarter, f64::total_cmp).1).max(LEAST_STEEP)
+    }
+
+    /// Lowers what rises more steeply than ground does, such as roofs that fill a cell.
+    fn below_walls(&mut self) {
+        let steepest = self.steepest();
+        let all: Vec<usize> = (0..LOW_SIDE * LOW_SIDE).collect();
+        // Each way twice: what came the other way round a corner goes on.
+        for order in [&all[..], &all.iter().rev().copied().collect::<Vec<_>>()[..]].repeat(2) {
+            for &at in order {
+                for (to, [di, dj]) in near(at) {
+                    let length = (self.cell * DVec2::new(di as f64, dj as f64)).length();
+                    self.heights[at] = self.heights[at].min(self.heights[to] + steepest * length);
+                }
+            }
+        }
+    }
+
+    fn smooth(&mut self) {
+        let before = self.heights.clone();
+        for (at, height) in self.heights.iter_mut().enumerate() {
+            let (sum, count) =
+                near(at).fold((before[at], 1.0), |(sum, n), (to, _)| (sum + before[to], n + 1.0));
+            *height = sum / count;
+        }
+    }
+}
+
+/// Neighbours of a cell, and where they lie from it.
+fn near(at: usize) -> impl Iterator<Item = (usize, [isize; 2])> {
+    let (i, j) = (at % LOW_SIDE, at / LOW_SIDE);
+    NEAR.into_iter().filter_map(move |[di, dj]| {
+        let (i, j) = (i.checked_add_signed(di)?, j.checked_add_signed(dj)?);
+        (i < LOW_SIDE && j < LOW_SIDE).then_some((j * LOW_SIDE + i, [di, dj]))
+    })
+}
+
+/// Fills cells that have none from those around, ring by ring.
+fn fill(cells: &mut [Option<f64>]) {
+    while cells.iter().any(Option::is_none) {
+        let before = cells.to_vec();
+        for (at, cell) in cells.iter_mut().enumerate().filter(|(_, cell)| cell.is_none()) {
+            let known = near(at).filter_map(|(to, _)| before[to]);
+            *cell = known.reduce(f64::min);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bounds() -> Bounds {
+        Bounds { min: DVec3::new(1000.0, 2000.0, 0.0), max: DVec3::new(1064.0, 2128.0, 40.0) }
+    }
+
+    fn points(height: impl Fn(f64, f64) -> Option<f64>) -> Vec<DVec3> {
+        let at = |i: i32, j: i32| (f64::from(i) * 0.5 + 0.25, f64::from(j) * 0.5 + 0.25);
+        let all = (0..128).flat_map(|i| (0..256).map(move |j| at(i, j)));
+        all.filter_map(|(x, y)| Some(DVec3::new(1000.0 + x, 2000.0 + y, height(x, y)?))).collect()
+    }
+
+    #[test]
+    fn it_is_the_ground_under_a_house_and_beside_it() {
+        let house = |x: f64, y: f64| (20.0..32.0).contains(&x) && (30.0..50.0).contains(&y);
+        let surface =
+            LowSurface::of(&bounds(), &points(|x, y| Some(if house(x, y) { 12.0 } else { 0.02 * x })));
+        for (x, y) in [(1.0, 1.0), (26.0, 40.0), (40.0, 100.0), (63.0, 127.0)] {
+            let height = surface.at(DVec2::new(1000.0 + x, 2000.0 + y));
+            assert!((-0.1..2.0).contains(&height), "{height} at {x}, {y}");
+        }
+        assert!(surface.lowest_height() >= 0.0);
+        // A house at the very edge, as when a tile ends in it.
+        let house = |x: f64, y: f64| x < 12.0 && (30.0..50.0).contains(&y);
+        let surface = LowSurface::of(&bounds(), &points(|x, y| Some(if house(x, y) { 12.0 } else { 0.0 })));
+        assert!(surface.at(DVec2::new(1000.0, 2040.0)) < 2.0);
+    }
+
+    #[test]
+    fn it_follows_a_mountain_and_crosses_a_lake() {
+        let lake = |x: f64, y: f64| (x - 32.0).hypot(y - 64.0) < 15.0;
+        let surface = LowSurface::of(&bounds(), &points(|x, y| (!lake(x, y)).then_some(1.2 * x)));
+        for (x, y) in [(1.0, 1.0), (60.0, 10.0), (63.9, 127.9)] {
+            let height = surface.at(DVec2::new(1000.0 + x, 2000.0 + y));
+            assert!((height - 1.2 * x).abs() < 2.0, "{height} at {x}");
+        }
+        assert!(surface.heights.iter().all(|height| (0.0..80.0).contains(height)));
+        let none = LowSurface::of(&bounds(), &[]);
+        assert_eq!((none.at(DVec2::ZERO), none.lowest_height()), (0.0, 0.0));
+    }
+}

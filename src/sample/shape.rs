@@ -1,0 +1,47 @@
+//! The shape of what is framed: a few of the sampled points.
+
+use crate::coords::{Bounds, Hull};
+use glam::DVec3;
+
+/// Cells each way that a file's box is divided into; in each, the outermost points count.
+const CELLS: usize = 32;
+/// Of more files than this the boxes are shape enough.
+const FEW_FILES: usize = 64;
+/// Directions, and their opposites, in which a cell's outermost points are taken.
+const WAYS: [DVec3; 5] =
+    [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, -1.0, 0.0)];
+
+/// The shape of a file that has `bounds`, one of `files`, from `points` in it. Strays, outside of the box, do not count.
+pub(super) fn shape(bounds: &Bounds, points: impl Iterator<Item = DVec3>, files: usize) -> Hull {
+    if files > FEW_FILES {
+        return Hull::from(bounds);
+    }
+    // So small beside the others that fewer will do.
+    let side = (CELLS as f64 / (files as f64).sqrt()).ceil() as usize;
+    let size = bounds.size();
+    // Farthest along each way, and against it.
+    let mut cells: Vec<Option<[DVec3; 2 * WAYS.len()]>> = vec![None; side * side];
+    for point in points {
+        if !(point.cmpge(bounds.min).all() && point.cmple(bounds.max).all()) {
+            continue;
+        }
+        let at = DVec3::select(size.cmpgt(DVec3::ZERO), (point - bounds.min) / size, DVec3::ZERO);
+        let index = |v: f64| ((v * side as f64) as usize).min(side - 1);
+        match &mut cells[index(at.y) * side + index(at.x)] {
+            none @ None => *none = Some([point; 2 * WAYS.len()]),
+            Some(outermost) => {
+                for (pair, way) in outermost.chunks_exact_mut(2).zip(WAYS) {
+                    let along = (point - bounds.min).dot(way);
+                    if along > (pair[0] - bounds.min).dot(way) {
+                        pair[0] = point;
+                    }
+                    if along < (pair[1] - bounds.min).dot(way) {
+                        pair[1] = point;
+                    }
+                }
+            }
+        }
+    }
+    let outermost: Vec<DVec3> = cells.into_iter().flatten().flatten().collect();
+    Hull::of(&outermost).map_or_else(|| Hull::from(bounds), |hull| hull.stretched(bounds))
+}
