@@ -27,7 +27,7 @@ const SECTIONS_SIDE: i32 = 4;
 const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
 
 const SHOWN: fn(u32) -> Visibility =
-    |bridge| Visibility { classes: ClassMask::default(), withheld: false, bridge };
+    |bridge| Visibility { classes: ClassMask::default(), withheld: false, bridge, near_ties: false };
 
 /// Two points a cell: one column in eight is empty, one in four has a second class.
 fn section(seed: u32) -> Payload {
@@ -159,6 +159,7 @@ fn tracing(c: &mut Criterion) {
         cell: Some(0.5),
         placement: PlacementOptions::default(),
         rgb_bits: None,
+        asked: lasray::sample::Asked::default(),
         budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 30 },
         cache: None,
         quiet: true,

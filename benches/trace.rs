@@ -13,6 +13,7 @@ use lasray::bench::report::COMMIT;
 use lasray::bench::steady::{self, Repeats, WarmUp};
 use lasray::bench::thesis::{Config, Kernel, STRIPS, Thesis, ThesisImage};
 use lasray::bench::world::{self, TOWN_POINTS, World};
+use lasray::coords::{LowSurface, Slab};
 use lasray::gpu::{DeviceKind, Gpu, GpuOptions, PipelineDesc, QueueKind, Timestamps};
 use lasray::ingest::bins::Budget;
 use lasray::load::LoadOptions;
@@ -26,6 +27,7 @@ use lasray::source::placement::PlacementOptions;
 use serde_json::{Value, json};
 use std::collections::HashMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Set once the program is asked to end.
@@ -232,8 +234,9 @@ fn view<'a>(world: &'a World, shot: &'a Shot, size: [u32; 2], way: Way) -> View<
     let view = frames::view(world, &shot.camera, size, shot.window);
     let Way::Pool { traversal, shade, .. } = way else { return view };
     if shade == Shade::Lit {
-        let floor = world.bounds.min.z;
-        return View { traversal, shade, floor, background: Background::Sky, ..view };
+        let low = Arc::new(LowSurface::of(&world.bounds, &[]));
+        let slab = Some(Slab { low, thickness: 0.0 });
+        return View { traversal, shade, slab, background: Background::Sky, ..view };
     }
     View { traversal, ..view }
 }
@@ -486,6 +489,7 @@ fn main() -> anyhow::Result<()> {
         cell: Some(CELL),
         placement: PlacementOptions::default(),
         rgb_bits: None,
+        asked: lasray::sample::Asked::default(),
         budget: Budget { host_bytes: u64::MAX, device_bytes: u64::MAX },
         cache: None,
         quiet: true,

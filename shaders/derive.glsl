@@ -9,7 +9,7 @@ struct Job {
     uint steepest; // a gap between ends that differ by more than this a cell is no slope but an edge, lattice steps
     uint first;    // half blocks that are to be derived: the first, and how many, east in the lower half, north in the
     uint area;     // upper one
-    uint pad;
+    uint tie;      // a run so many lattice steps below the top is as high, and shown if the top's class tells less; 0: never
 };
 
 struct Derive {

@@ -1,4 +1,5 @@
-// Picks each column's top under the mask: its highest run of a visible class.
+// Picks each column's top under the mask: its highest run of a visible class. What it shows may be another's that is as high
+// but for a few centimetres, where the top's class tells nothing.
 // Reads runs; writes what columns show, the measured bits and level 0 of the pyramid; without bridges, levels 1 and 2
 // too. One thread a half block; y is the job.
 #version 460
@@ -18,6 +19,7 @@ bool values;
 uint measured = 0u;
 uvec4 visible_low, visible_high;
 bool show_withheld;
+uint tie; // see Job
 
 uvec3 run_at(uint at) { return uvec3(pool_load(place, at), pool_load(place, at + 1u), pool_load(place, at + 2u)); }
 
@@ -29,25 +31,45 @@ bool shown(uvec3 run) {
     return (word >> (class_ & 31u) & 1u) != 0u && (show_withheld || (run.z & FLAG_WITHHELD) == 0u);
 }
 
+// As `ClassMask::tells_nothing` in src/attribute/class.rs.
+bool tells_nothing(uvec3 run) {
+    uint class_ = run.y >> RUN_CLASS_SHIFT;
+    return class_ <= 1u || class_ == 12u;
+}
+
 // Stores what the next column shows, gives its top's code; `others` is how many further runs it has.
 uint next_column(uint others, uint to) {
     uvec3 top = run_at(block + RUN_WORDS * column++);
+    uint below = other;
     if (!ALL) {
         uint end = other + RUN_WORDS * others;
         while (top.x != 0u && !shown(top)) {
             top = other < end ? run_at(other) : uvec3(0u);
             other += RUN_WORDS;
         }
+        below = other;
         other = end;
     }
     bool any = top.x != 0u;
+    uint height = top.x;
+    if (!ALL && tie != 0u && any && tells_nothing(top)) {
+        uint least = height - min(tie, height - 1u);
+        for (uint at = below; at < other; at += RUN_WORDS) {
+            uvec3 run = run_at(at);
+            if (run.x < least) break;
+            if (shown(run) && !tells_nothing(run)) {
+                top = run;
+                break;
+            }
+        }
+    }
     measured = measured >> 1u | (any ? 0x80000000u : 0u);
     uint shows = top.y >> RUN_CLASS_SHIFT << SHOWN_CLASS_SHIFT;
     shows |= values ? top.y >> RUN_INTENSITY_SHIFT & 0xFFFFu | (top.z >> RUN_RETURNS_SHIFT & 0xFFu) << SHOWN_RETURNS_SHIFT
                     : top.y & 0xFFu | top.z >> RUN_GREEN_SHIFT << SHOWN_GREEN_SHIFT
                       | (top.z >> RUN_BLUE_SHIFT & 0xFFu) << SHOWN_BLUE_SHIFT;
     pool_store(derived, to, shows);
-    return any ? (top.x ^ HEIGHT_SIGN) - base : 0u;
+    return any ? (height ^ HEIGHT_SIGN) - base : 0u;
 }
 
 void main() {
@@ -59,6 +81,7 @@ void main() {
     derived = here.xy;
     base = here.z;
     values = DERIVE.values != 0u;
+    tie = JOB[job].tie;
     if (!ALL) {
         visible_low = uvec4(DERIVE.visible[0], DERIVE.visible[1], DERIVE.visible[2], DERIVE.visible[3]);
         visible_high = uvec4(DERIVE.visible[4], DERIVE.visible[5], DERIVE.visible[6], DERIVE.visible[7]);

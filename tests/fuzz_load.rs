@@ -33,6 +33,7 @@ fn check(paths: &[PathBuf], cell: Option<f64>, mix_crs: bool) -> Result<Option<u
         cell,
         placement: PlacementOptions { mix_crs, ..Default::default() },
         rgb_bits: None,
+        asked: lasray::sample::Asked::default(),
         budget: Budget { host_bytes: 32 << 20, device_bytes: 64 << 20 },
         cache: None,
         quiet: true,

@@ -46,6 +46,11 @@ impl ClassMask {
     }
 }
 
+/// Whether a class says nothing of what a point is: never classified, unclassified, overlap of flight lines.
+pub fn tells_nothing(class: u8) -> bool {
+    matches!(class, 0 | 1 | 12)
+}
+
 /// Kinds of points, by what shows or hides them: class, and whether they are withheld.
 pub type Kinds = BTreeSet<(u8, bool)>;
 
@@ -87,31 +92,32 @@ pub fn class_name(class: u8) -> &'static str {
     }
 }
 
-/// Colours of classes 0 to 22, sRGB.
+/// Colours of classes 0 to 22, sRGB: those of a map. What covers much of the land is pale and grey, what is thin or rare, such
+/// as wires, is strong.
 const CLASS_COLORS: [[u8; 3]; 23] = [
-    [158, 158, 162], // created
-    [196, 194, 188], // unclassified
-    [168, 126, 84],  // ground
-    [178, 214, 106], // low vegetation
-    [104, 176, 72],  // medium vegetation
-    [38, 124, 56],   // high vegetation
-    [224, 96, 62],   // building
-    [255, 0, 255],   // low noise
-    [206, 160, 60],  // model key-point
-    [62, 134, 214],  // water
-    [116, 92, 148],  // rail
-    [112, 118, 128], // road
-    [214, 208, 154], // overlap
-    [250, 226, 74],  // guard wire
-    [255, 184, 0],   // conductor
-    [64, 68, 150],   // tower
-    [160, 116, 228], // connector
-    [236, 164, 148], // bridge
-    [255, 64, 148],  // high noise
-    [0, 168, 168],   // overhead structure
-    [116, 82, 62],   // ignored ground
-    [236, 243, 252], // snow
-    [146, 54, 70],   // temporal exclusion
+    [160, 160, 162], // created
+    [188, 187, 183], // unclassified
+    [205, 190, 163], // ground
+    [190, 204, 148], // low vegetation
+    [150, 178, 116], // medium vegetation
+    [100, 142, 90],  // high vegetation
+    [190, 118, 100], // building
+    [236, 60, 200],  // low noise
+    [206, 166, 90],  // model key-point
+    [126, 168, 204], // water
+    [132, 112, 140], // rail
+    [140, 143, 150], // road
+    [206, 203, 176], // overlap
+    [236, 214, 96],  // guard wire
+    [232, 170, 50],  // conductor
+    [88, 92, 150],   // tower
+    [158, 128, 206], // connector
+    [214, 168, 160], // bridge
+    [240, 90, 150],  // high noise
+    [80, 156, 158],  // overhead structure
+    [158, 136, 112], // ignored ground
+    [234, 240, 246], // snow
+    [150, 84, 92],   // temporal exclusion
 ];
 
 /// sRGB colour of a class: fixed for 0 to 22; above, the hue turns by the golden angle from class to

@@ -13,7 +13,7 @@ mod srgb;
 mod summary;
 mod table;
 
-pub use class::{ClassMask, Kinds, class_color, class_name};
+pub use class::{ClassMask, Kinds, class_color, class_name, tells_nothing};
 pub use mode::ColorMode;
 pub use ramp::Ramp;
 pub(crate) use record::unbias;

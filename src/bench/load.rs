@@ -191,7 +191,7 @@ pub fn run(
     );
     progress(&format!("{name}: warming up"));
     // One scene for all runs: drivers compile on first use.
-    let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
+    let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0, near_ties: false };
     let bytes = gpu.bytes_for_sections(POOL_BYTES);
     let mut scene = Scene::new(gpu, |order: Order| order, Access::Address, bytes, seen, case.grid()?)?;
     ours(&mut scene, &case, threads.iter().copied().max().unwrap_or(1) as usize)?;

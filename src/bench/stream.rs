@@ -188,7 +188,8 @@ impl<'a> StreamCase<'a> {
         let Opening { inputs, grid, about, .. } = load::open(&files, &options.load, problems)?;
         let points = inputs.iter().map(|input| input.input.file.points()).sum();
         let bridge = if options.shade == Shade::Lit { 4 } else { 0 };
-        let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge };
+        let seen =
+            Visibility { classes: ClassMask::default(), withheld: false, bridge, near_ties: bridge > 0 };
         // Derived parts are less than half of what sections take.
         let access = Access::best(gpu, options.device_bytes / 2);
         let cell = grid.cell();

@@ -76,7 +76,7 @@ impl World {
     /// What the harness draws of what was loaded: every class, in the colours that the data has.
     pub fn of(loaded: Loaded) -> Result<World, AttributeError> {
         let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, &loaded.grid, None, None)?;
-        let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
+        let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0, near_ties: false };
         Ok(World::new(loaded, seen, colors))
     }
 

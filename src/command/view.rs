@@ -139,7 +139,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         rgb_bits: args.rgb_bits.map(|bits| if bits == "8" { 8 } else { 16 }),
         host_bytes: args.host_memory,
         device_bytes: args.device_memory,
-        visibility: Visibility { classes, withheld: args.withheld, bridge: 4 },
+        visibility: Visibility { classes, withheld: args.withheld, bridge: 4, near_ties: true },
         cache: cache.clone(),
     };
     let options = view::WindowOptions {

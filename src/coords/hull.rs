@@ -13,6 +13,9 @@ const EQUAL: f64 = 1e-7;
 /// Shapes that reach less of their box than this, along any axis, say nothing of it.
 const LEAST_REACH: f64 = 0.5;
 
+/// A shape comes near to a corner of its box from this share of its sides on, both together.
+const NEAR_CORNER: f64 = 0.15;
+
 /// A few points whose convex hull holds many others, but for about 1 % of their extent. Never empty.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hull {
@@ -88,6 +91,21 @@ impl Hull {
         let (low, high) =
             along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
         high - low
+    }
+
+    /// With the corners on the ground of `bounds`, which it lies in, that it comes near to: a sample hardly ever holds the points
+    /// that lie in a corner.
+    pub fn with_near_corners(mut self, bounds: &Bounds) -> Hull {
+        let size = bounds.size();
+        let share = |v: DVec3| DVec3::select(size.cmpgt(DVec3::ZERO), v / size, DVec3::ZERO);
+        for corner in bounds.corners().into_iter().take(4) {
+            let off = |p: &DVec3| share((p - corner).abs()).truncate().element_sum();
+            let nearest = self.points.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+            if let Some(nearest) = nearest.copied().filter(|nearest| off(nearest) < NEAR_CORNER) {
+                self.points.push(corner.with_z(nearest.z));
+            }
+        }
+        self
     }
 
     /// To the nearest multiples of `step`, a power of two.
@@ -187,6 +205,19 @@ mod tests {
         let far = Bounds { max: DVec3::new(430.0, 88.0, 5.0), ..bounds };
         assert_eq!(hull.stretched(&far), Hull::from(&far), "a sample of a tenth");
         assert_eq!(Hull::of(&[]), None);
+    }
+
+    #[test]
+    fn corners_that_are_nearly_reached_are_in_it() {
+        let bounds = Bounds { min: DVec3::ZERO, max: DVec3::new(100.0, 50.0, 9.0) };
+        let tile = [[4.0, 3.0, 1.0], [98.0, 2.0, 2.0], [97.0, 50.0, 9.0], [0.0, 40.0, 4.0], [60.0, 0.0, 5.0]];
+        let hull = Hull::of(&tile.map(DVec3::from_array)).unwrap().with_near_corners(&bounds);
+        let is_in = |x: f64, y: f64, z: f64| hull.points().contains(&DVec3::new(x, y, z));
+        assert!(is_in(0.0, 0.0, 1.0) && is_in(100.0, 0.0, 2.0) && is_in(100.0, 50.0, 9.0));
+        assert!(
+            !hull.points().iter().any(|p| p.x == 0.0 && p.y == 50.0),
+            "a fifth of a side is missing there"
+        );
     }
 
     #[test]

@@ -96,13 +96,12 @@ impl LowSurface {
 
     /// Steepest that the ground may be, from the gentle quarter of what there is.
     fn steepest(&self) -> f64 {
-        let slope = |at: usize, to: usize, length: f64| (self.heights[at] - self.heights[to]).abs() / length;
-        let east = (0..LOW_SIDE * LOW_SIDE).filter(|at| at % LOW_SIDE + 1 < LOW_SIDE);
-        let north = 0..LOW_SIDE * (LOW_SIDE - 1);
-        let mut slopes: Vec<f64> = east
-            .map(|at| slope(at, at + 1, self.cell.x))
-            .chain(north.map(|at| slope(at, at + LOW_SIDE, self.cell.y)))
-            .collect();
+        let inner = (0..LOW_SIDE * (LOW_SIDE - 1)).filter(|at| at % LOW_SIDE + 1 < LOW_SIDE);
+        let slope = |at: usize| {
+            let rise = [at + 1, at + LOW_SIDE].map(|to| self.heights[to] - self.heights[at]);
+            (DVec2::from_array(rise) / self.cell).length()
+        };
+        let mut slopes: Vec<f64> = inner.map(slope).collect();
         let quarter = slopes.len() / 4;
         (STEEP * *slopes.select_nth_unstable_by(quarter, f64::total_cmp).1).max(LEAST_STEEP)
     }

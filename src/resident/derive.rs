@@ -227,6 +227,8 @@ pub struct Task {
     pub near: [[u32; 4]; 9],
     /// Height steps a cell beyond which a gap is an edge.
     pub steepest: u32,
+    /// Height steps within which runs are as high as each other, and one is shown whose class tells more; 0: none is.
+    pub tie: u32,
     /// Codes take 32 bits.
     pub wide: bool,
     /// Every run is visible.
@@ -245,14 +247,14 @@ struct Job {
     /// First half block, and how many, east in the lower half of the word and north in the upper.
     first: u32,
     area: u32,
-    pad: u32,
+    tie: u32,
 }
 
 impl Task {
     fn job(&self, [first, area]: [[u32; 2]; 2]) -> Job {
         let word = |[east, north]: [u32; 2]| east | north << 16;
-        let Task { section, near, steepest, .. } = *self;
-        Job { section, near, steepest, first: word(first), area: word(area), pad: 0 }
+        let Task { section, near, steepest, tie, .. } = *self;
+        Job { section, near, steepest, first: word(first), area: word(area), tie }
     }
 
     /// Its jobs in a pass, by the workgroups that each takes.
@@ -497,7 +499,7 @@ mod tests {
         let third = [("pyramid", shaders::PYRAMID), ("pyramid, POOL_SSBO", shaders::PYRAMID_SSBO)];
         let parameters = members!(Parameters { visible, visible_withheld, bridge, values });
         for pass in [&first, &second, &third] {
-            assert_in(pass, &members!(Job { section, near, steepest, first, area, pad }));
+            assert_in(pass, &members!(Job { section, near, steepest, first, area, tie }));
         }
         // The pyramid follows from what the mask has left.
         assert_in(&first, &parameters);

@@ -11,7 +11,7 @@ use super::table::Entry;
 use super::transfer::{Slots, Ticket, Transfer};
 use super::visibility::{ColumnData, Visibility};
 use super::work::{Submits, Submitter, Work};
-use crate::attribute::Kinds;
+use crate::attribute::{Kinds, tells_nothing};
 use crate::coords::{Grid, Height, SectionKey};
 use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, MemoryKind, Order, SyncPoint};
 use crate::limits::LIMITS;
@@ -21,6 +21,8 @@ use std::sync::Arc;
 
 /// Most height steps a cell by which the ends of a gap may differ and it still be a slope: the ends of a gap are up to five
 /// cells apart, and their rise must fit a signed number of 32 bits.
+/// Heights that differ by less than this share of a cell's side are alike where near ties count: 6 cm in cells of 0.5 m.
+const TIE: f64 = 0.125;
 const STEEPEST: f64 = (i32::MAX / 5) as f64;
 /// What has been copied and derived since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -397,13 +399,22 @@ impl Scene {
         near[4] = derived(version);
         let [x, y] = pool.place(&version.slots.uploaded, 0);
         let Layout { counts, others, code, .. } = version.layout;
+        let seen = || version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
+        let has_ties = self.visibility.near_ties
+            && seen().any(|(c, ..)| tells_nothing(*c))
+            && seen().any(|(c, ..)| !tells_nothing(*c));
         Task {
             section: [x, y, counts, others],
             near,
             // Gaps steeper than 45° are edges.
             steepest: self.grid.cell_steps(key.section.level).clamp(1.0, STEEPEST) as u32,
+            tie: if has_ties {
+                (self.grid.cell_steps(key.section.level) * TIE).clamp(1.0, STEEPEST) as u32
+            } else {
+                0
+            },
             wide: code.wide,
-            all: version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w)),
+            all: !has_ties && version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w)),
             changed,
         }
     }

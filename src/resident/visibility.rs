@@ -13,6 +13,8 @@ pub struct Visibility {
     pub withheld: bool,
     /// Longest hole to bridge, cells (0 to 4).
     pub bridge: u32,
+    /// Of points that are as high as a column's top but for an eighth of a cell's side, it shows one whose class tells more.
+    pub near_ties: bool,
 }
 
 impl Visibility {
@@ -98,7 +100,7 @@ mod tests {
     #[test]
     fn the_reason_names_what_shows_the_points() {
         let why = |kinds: &[(u8, bool)], classes: ClassMask, withheld: bool| {
-            let visibility = Visibility { classes, withheld, bridge: 4 };
+            let visibility = Visibility { classes, withheld, bridge: 4, near_ties: false };
             why_hidden(&kinds.iter().copied().collect(), &visibility)
         };
         let usual = ClassMask::default();

@@ -114,7 +114,9 @@ impl PointsOf<'_> {
         let header = header_bounds(of, placement, DVec3::ZERO)
             .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && frame::holds_some(*bounds, &placed))
             .and_then(header);
-        (of.points() > 0).then(|| frame::Framed::of(header, &placed))
+        let is_well_seen = whole || of.chunks.len() >= frame::ENOUGH;
+        let beyond = if is_well_seen { frame::WELL_SEEN } else { frame::SEEN_IN_PARTS };
+        (of.points() > 0).then(|| frame::Framed::of(header, &placed, beyond))
     }
 }
 
@@ -185,7 +187,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
                 false => points_of.framed(index, &shown, |_| None, whole).and_then(|framed| framed.bounds),
             };
             let points = points_of.placed(index, &shown).map(|(point, _)| point);
-            bounds.map(|bounds| shape(&bounds, points.filter(|point| framed.keeps(*point)), drawn.len()))
+            bounds
+                .map(|bounds| shape(&bounds, points.filter(|point| framed.keeps(*point)), drawn.len(), whole))
         })
         .collect();
     let hull = Hull::union(in_frame.iter().filter_map(|&file| hulls[file].as_ref()));

@@ -11,6 +11,11 @@ const STRAY: f64 = 0.002;
 /// With fewer points the sample cannot tell a stray point from the file's edge.
 pub(super) const ENOUGH: usize = 30;
 
+/// A file whose sample is spread all over it reaches at most this much beyond it, in widths of the sample.
+pub(super) const WELL_SEEN: f64 = 0.5;
+/// And one of which a few runs of neighbouring points were seen.
+pub(super) const SEEN_IN_PARTS: f64 = 3.0;
+
 /// A gap so many times as long as all that lies on both sides of it parts places that have nothing to do with each
 /// other.
 const FAR: f64 = 8.0;
@@ -56,11 +61,12 @@ pub struct LeftOut {
 }
 
 impl Framed {
-    /// Of a file whose header has `header`; `points` with weights, in world coordinates, hidden points left out.
+    /// Of a file whose header has `header`; `points` with weights, in world coordinates, hidden points left out; `beyond` as in
+    /// [`file_bounds`].
     ///
     /// Where the points lie at two places with a [`FAR`] gap between, one of them is left out if it holds [`FEW`]
     /// points, or less than half of them at one E, N: such are points without a position, most often at 0, 0.
-    pub fn of(header: Option<Bounds>, points: &[(DVec3, f64)]) -> Framed {
+    pub fn of(header: Option<Bounds>, points: &[(DVec3, f64)], beyond: f64) -> Framed {
         let mut framed = Framed::default();
         let mut kept = points.to_vec();
         let total: f64 = points.iter().map(|(_, weight)| weight).sum();
@@ -84,7 +90,7 @@ impl Framed {
             framed.cuts.push((gap.axis, side));
             kept = main;
         }
-        framed.bounds = file_bounds(header, &kept);
+        framed.bounds = file_bounds(header, &kept, beyond);
         let Some(bounds) = framed.bounds else { return framed };
         let off = |point: DVec3| (bounds.min - point).max(point - bounds.max).truncate().max(DVec2::ZERO);
         let reach = FAR * bounds.size().truncate().max_element();
@@ -92,7 +98,8 @@ impl Framed {
         let (far, near): (Vec<_>, Vec<_>) =
             points.iter().copied().partition(|(p, _)| !framed.keeps(*p) || is_far(*p));
         if !far.is_empty() {
-            framed.bounds = file_bounds(header.and_then(|header| without(header, &far, &near)), &near);
+            framed.bounds =
+                file_bounds(header.and_then(|header| without(header, &far, &near)), &near, beyond);
             let left: f64 = far.iter().map(|(_, weight)| weight).sum();
             framed.left_out = Some(LeftOut {
                 points: left,
@@ -193,8 +200,9 @@ fn begins_nowhere(header: Bounds, points: &[(DVec3, f64)]) -> bool {
 }
 
 /// The box of one file: each side as its header has it, where the sample bears that out; else as far as
-/// the sample reaches without stray points. `points` with weights; hidden points left out.
-pub fn file_bounds(header: Option<Bounds>, points: &[(DVec3, f64)]) -> Option<Bounds> {
+/// the sample reaches without stray points. `points` with weights; hidden points left out; `beyond`: how far a side may lie
+/// beyond them, in their widths ([`WELL_SEEN`] or [`SEEN_IN_PARTS`]).
+pub fn file_bounds(header: Option<Bounds>, points: &[(DVec3, f64)], beyond: f64) -> Option<Bounds> {
     if points.len() < ENOUGH
         && let Some(header) = header
         && !begins_nowhere(header, points)
@@ -215,7 +223,8 @@ pub fn file_bounds(header: Option<Bounds>, points: &[(DVec3, f64)]) -> Option<Bo
         let (lo, hi) = cores[axis];
         // A tower or a shaft reaches far out of flat country, but not kilometres.
         let aside = if axis == 2 { 0.5 * width(0).max(width(1)) } else { 0.0 };
-        let reach = if points.len() < ENOUGH { f64::MAX } else { (0.5 * width(axis)).max(aside).max(least) };
+        let reach =
+            if points.len() < ENOUGH { f64::MAX } else { (beyond * width(axis)).max(aside).max(least) };
         let near = |value: f64| (lo - reach..=hi + reach).contains(&value);
         let inside = points.iter().map(|(point, _)| point[axis]).filter(|&value| near(value));
         let (first, last) = inside.fold((lo, hi), |(first, last), value| (value.min(first), value.max(last)));
@@ -409,9 +418,9 @@ mod tests {
     #[test]
     fn a_sound_header_is_taken_to_the_digit() {
         let header = bounds([-0.5, -0.25, 1.0], [99.75, 99.5, 50.0]);
-        assert_eq!(file_bounds(Some(header), &grid(100, 2.0)), Some(header));
-        assert_eq!(file_bounds(Some(header), &[]), Some(header));
-        assert_eq!(file_bounds(None, &[]), None);
+        assert_eq!(file_bounds(Some(header), &grid(100, 2.0), WELL_SEEN), Some(header));
+        assert_eq!(file_bounds(Some(header), &[], WELL_SEEN), Some(header));
+        assert_eq!(file_bounds(None, &[], WELL_SEEN), None);
     }
 
     #[test]
@@ -419,10 +428,10 @@ mod tests {
         let header = bounds([-0.5, -0.25, -175_000.0], [185_000.0, 99.5, 50.0]);
         let mut points = grid(100, 2.0);
         points.push((DVec3::new(185_000.0, 50.0, -175_000.0), 1.0));
-        let found = file_bounds(Some(header), &points).unwrap();
+        let found = file_bounds(Some(header), &points, WELL_SEEN).unwrap();
         assert_eq!((found.min, found.max), (DVec3::new(-0.5, -0.25, 2.0), DVec3::new(99.0, 99.5, 50.0)));
         let small = bounds([10.0, 10.0, 3.0], [20.0, 20.0, 3.5]);
-        let found = file_bounds(Some(small), &grid(100, 2.0)).unwrap();
+        let found = file_bounds(Some(small), &grid(100, 2.0), WELL_SEEN).unwrap();
         assert_eq!((found.min.x, found.max.x, found.max.z), (0.0, 99.0, 8.0));
     }
 
@@ -453,12 +462,12 @@ mod tests {
     #[test]
     fn points_without_a_position_are_left_out_and_counted() {
         let header = bounds([0.0; 3], [512_099.0, 5_402_999.0, 8.0]);
-        let sound = Framed::of(None, &with_zeros(0.0));
+        let sound = Framed::of(None, &with_zeros(0.0), WELL_SEEN);
         assert_eq!((sound.left_out, sound.apart), (None, None));
         for share in [0.0002, 0.004, 0.05, 0.3, 0.45] {
             let points = with_zeros(share);
             let zeros = points.len() - 10_000;
-            let framed = Framed::of(Some(header), &points);
+            let framed = Framed::of(Some(header), &points, WELL_SEEN);
             assert_eq!(framed.bounds, sound.bounds, "{share}");
             let left = framed.left_out.unwrap();
             assert_eq!((left.points, left.seen, left.spot), (zeros as f64, zeros, Some(DVec3::ZERO)));
@@ -469,12 +478,12 @@ mod tests {
         // With strays beside them.
         let mut points = with_zeros(0.05);
         points.push((DVec3::new(250_000.0, 9e6, 0.0), 1.0));
-        let framed = Framed::of(Some(header), &points);
+        let framed = Framed::of(Some(header), &points, WELL_SEEN);
         assert_eq!(framed.bounds, sound.bounds);
         assert_eq!(framed.left_out.map(|left| (left.seen, left.spot)), Some((527, None)));
         // A few points of a file, all of them right: the header is not.
         let few: Vec<_> = with_zeros(0.0).into_iter().step_by(4000).collect();
-        let found = Framed::of(Some(header), &few).bounds.unwrap();
+        let found = Framed::of(Some(header), &few, WELL_SEEN).bounds.unwrap();
         assert!(found.min.x >= 512_000.0 && found.min.y >= 5_402_900.0, "{found:?}");
     }
 
@@ -484,11 +493,11 @@ mod tests {
             grid(side, 2.0).into_iter().map(move |(p, w)| (p + DVec3::new(east, 0.0, 0.0), w))
         };
         let both: Vec<_> = place(100, 0.0).chain(place(50, 185_000.0)).collect();
-        let framed = Framed::of(None, &both);
+        let framed = Framed::of(None, &both, WELL_SEEN);
         assert_eq!(framed.bounds.unwrap().size().x, 185_049.0);
         assert_eq!((framed.left_out, framed.apart), (None, Some(184_901.0)));
         let few: Vec<_> = place(100, 0.0).chain(place(8, 185_000.0)).collect();
-        let framed = Framed::of(None, &few);
+        let framed = Framed::of(None, &few, WELL_SEEN);
         assert_eq!(framed.bounds.unwrap().size().x, 99.0);
         assert_eq!(
             framed.left_out.map(|left| (left.seen, left.spot, left.distance)),
@@ -496,7 +505,7 @@ mod tests {
         );
         // A gap between fields is none.
         let near: Vec<_> = place(100, 0.0).chain(place(9, 400.0)).collect();
-        assert_eq!(Framed::of(None, &near).bounds.unwrap().size().x, 408.0);
+        assert_eq!(Framed::of(None, &near, WELL_SEEN).bounds.unwrap().size().x, 408.0);
     }
 
     #[test]
@@ -504,7 +513,7 @@ mod tests {
         let points: Vec<_> =
             (0..20).map(|k| (DVec3::new(f64::from(k * k), f64::from(19 - k), 0.0), 1.0)).collect();
         for count in 1..=20 {
-            let framed = Framed::of(None, &points[..count]);
+            let framed = Framed::of(None, &points[..count], WELL_SEEN);
             let bounds = framed.bounds.unwrap();
             assert!(
                 points[..count].iter().all(|(p, _)| p.cmpge(bounds.min).all() && p.cmple(bounds.max).all())

@@ -11,8 +11,9 @@ const FEW_FILES: usize = 64;
 const WAYS: [DVec3; 5] =
     [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, -1.0, 0.0)];
 
-/// The shape of a file that has `bounds`, one of `files`, from `points` in it. Strays, outside of the box, do not count.
-pub(super) fn shape(bounds: &Bounds, points: impl Iterator<Item = DVec3>, files: usize) -> Hull {
+/// The shape of a file that has `bounds`, one of `files`, from `points` in it; `whole`: from all of them. Strays, outside of
+/// the box, do not count.
+pub(super) fn shape(bounds: &Bounds, points: impl Iterator<Item = DVec3>, files: usize, whole: bool) -> Hull {
     if files > FEW_FILES {
         return Hull::from(bounds);
     }
@@ -43,5 +44,9 @@ pub(super) fn shape(bounds: &Bounds, points: impl Iterator<Item = DVec3>, files:
         }
     }
     let outermost: Vec<DVec3> = cells.into_iter().flatten().flatten().collect();
-    Hull::of(&outermost).map_or_else(|| Hull::from(bounds), |hull| hull.stretched(bounds))
+    match Hull::of(&outermost) {
+        Some(hull) if whole => hull,
+        Some(hull) => hull.stretched(bounds).with_near_corners(bounds),
+        None => Hull::from(bounds),
+    }
 }

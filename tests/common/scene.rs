@@ -2,7 +2,7 @@
 #![allow(dead_code)] // each test file uses its part
 
 use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
-use lasray::coords::{Bounds, Grid, Height, SectionKey};
+use lasray::coords::{Bounds, Grid, Height, LowSurface, SectionKey, Slab};
 use lasray::gpu::{Gpu, Order};
 use lasray::ingest::bins::Budget;
 use lasray::load::{self, About, LoadOptions, Loaded};
@@ -19,11 +19,12 @@ use lasray::section::Payload;
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::synth::{Format, Tile, Town, write_tile};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Everything shown but noise, measured cells only.
 pub const MEASURED: fn() -> Visibility =
-    || Visibility { classes: ClassMask::default(), withheld: false, bridge: 0 };
+    || Visibility { classes: ClassMask::default(), withheld: false, bridge: 0, near_ties: false };
 /// As pictures are made by default.
 pub const BRIDGED: fn() -> Visibility = || Visibility { bridge: 4, ..MEASURED() };
 
@@ -53,6 +54,7 @@ pub struct Data {
     pub sections: Vec<(SectionKey, Payload)>,
     pub grid: Grid,
     pub bounds: Bounds,
+    pub low: Arc<LowSurface>,
     pub anchor: Height,
     pub colors: ColorTable,
     pub summary: AttributeSummary,
@@ -67,6 +69,7 @@ impl Data {
             cell,
             placement: PlacementOptions::default(),
             rgb_bits: None,
+            asked: sample::Asked::default(),
             budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 30 },
             cache: None,
             quiet: true,
@@ -75,11 +78,12 @@ impl Data {
         let loaded = load::paths(paths, &options, &mut problems).unwrap();
         assert!(!problems.failed, "{problems:?}");
         let Loaded { grid, sections, about, .. } = loaded;
-        let About { bounds, summary, color, .. } = about;
+        let About { bounds, low, summary, color, .. } = about;
         Data {
             sections: sections.into_iter().map(|(key, columns)| (key, columns.pack())).collect(),
             grid,
             bounds,
+            low,
             anchor: grid.height(bounds.center().z).unwrap(),
             colors: ColorTable::new(color, &summary, &grid, None, None).unwrap(),
             summary,
@@ -122,7 +126,7 @@ impl Data {
             z_scale: 1.0,
             pivot: self.bounds.min.z,
             bounds: self.bounds,
-            floor: f64::NEG_INFINITY,
+            slab: None,
             colors: &self.colors,
             shade: Shade::None,
             background: Background::None,
@@ -136,7 +140,7 @@ impl Data {
         let width = (self.bounds.max - self.bounds.min).truncate().max_element();
         View {
             samples: 4,
-            floor: self.bounds.min.z - 0.03 * width,
+            slab: Some(Slab { low: Arc::clone(&self.low), thickness: 0.03 * width }),
             shade: Shade::Lit,
             background: Background::Sky,
             ..self.exact(camera, size)

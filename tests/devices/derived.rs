@@ -2,7 +2,7 @@
 
 use crate::common::{self, LAVAPIPE};
 use glam::{IVec2, ivec2};
-use lasray::attribute::{Attributes, ClassMask, Record};
+use lasray::attribute::{Attributes, ClassMask, Record, tells_nothing};
 use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
 use lasray::resident::pool::Access;
@@ -14,6 +14,8 @@ use std::collections::BTreeMap;
 
 const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
 const SIDE: i32 = SECTION_SIDE as i32;
+/// An eighth of a cell, lattice steps.
+const TIE: i32 = 32;
 
 /// Holes of all sizes, chains, withheld points, steep steps; every other section too high for 16 bits.
 fn section(i: i32, j: i32) -> Payload {
@@ -33,7 +35,12 @@ fn section(i: i32, j: i32) -> Payload {
         };
         // From dense in the west to a few columns in the east.
         if hash(1) % 256 >= x.max(20) * 15 / 16 {
-            add(9000 + x * 3 + y * 5 + hash(2) % 300, 2, 0);
+            let ground = 9000 + x * 3 + y * 5 + hash(2) % 300;
+            add(ground, 2, 0);
+            // About as high, of classes that tell nothing.
+            if hash(13) % 3 == 0 {
+                add(ground + hash(14) % 64, [0, 1, 12][hash(15) as usize % 3], 0);
+            }
         }
         if hash(3) % 5 == 0 && hash(1) % 256 >= x {
             add(9000 + hash(4) % 9000, [5, 6, 200][hash(5) as usize % 3], 0);
@@ -82,9 +89,14 @@ type Tops = BTreeMap<(i32, i32), (u32, i32)>;
 
 fn tops(key: SectionKey, packed: &Payload, shown: &Visibility, column_data: ColumnData, tops: &mut Tops) {
     packed.columns(|column, runs| {
-        let top = runs.iter().find(|r| shown.shows(r.class(), r.flags() & FLAG_WITHHELD != 0));
-        if let Some(record) = top {
-            let Attributes { height, class, rgb: [r, g, b], intensity, returns, .. } =
+        let mut seen = runs.iter().filter(|r| shown.shows(r.class(), r.flags() & FLAG_WITHHELD != 0));
+        if let Some(top) = seen.next() {
+            let height = top.unpack().expect("a run").height;
+            let as_high = |r: &&Record| height.0 - r.unpack().expect("a run").height.0 <= TIE;
+            let tells = |r: &&Record| !tells_nothing(r.class());
+            let settled = shown.near_ties && !tells(&top);
+            let record = if settled { seen.take_while(as_high).find(tells).unwrap_or(top) } else { top };
+            let Attributes { class, rgb: [r, g, b], intensity, returns, .. } =
                 record.unpack().expect("a run");
             let shows = match column_data {
                 ColumnData::Colors => [r, g, b],
@@ -180,7 +192,12 @@ fn derived_parts_are_as_specified() {
         // One of nine is missing.
         let places = (-1..=1).flat_map(|j| (-1..=1).map(move |i| (i, j))).filter(|at| *at != (1, 0));
         let sections: Vec<_> = places.map(|(i, j)| (SectionKey { level: 0, i, j }, section(i, j))).collect();
-        let shown = Visibility { classes: ClassMask::only(&[2, 5, 6, 200]), withheld: true, bridge: 0 };
+        let shown = Visibility {
+            classes: ClassMask::only(&[2, 5, 6, 200]),
+            withheld: true,
+            bridge: 0,
+            near_ties: false,
+        };
         for access in [Access::Address, Access::Texels, Access::StorageBuffer] {
             let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, shown, GRID).unwrap();
             let (one_by_one, together) = sections.split_at(4);
@@ -204,13 +221,16 @@ fn derived_parts_are_as_specified() {
             check(&mut scene, &sections, shown, ColumnData::Colors);
             scene.set_column_data(ColumnData::Values).unwrap();
             check(&mut scene, &sections, shown, ColumnData::Values);
-            for (classes, withheld, bridge) in [
-                (ClassMask::only(&[2, 5, 6, 200]), true, 4),
-                (ClassMask::only(&[5, 200]), false, 4),
-                (ClassMask::only(&[2]), false, 2),
-                (ClassMask::only(&[6]), true, 0),
+            for (classes, withheld, bridge, near_ties) in [
+                (ClassMask::only(&[2, 5, 6, 200]), true, 4, false),
+                (ClassMask::only(&[5, 200]), false, 4, true),
+                (ClassMask::only(&[2]), false, 2, true),
+                (ClassMask::only(&[6]), true, 0, false),
+                (ClassMask::all(), false, 4, false),
+                (ClassMask::all(), false, 4, true),
+                (ClassMask::only(&[0, 1, 2, 12]), false, 0, true),
             ] {
-                let shown = Visibility { classes, withheld, bridge };
+                let shown = Visibility { classes, withheld, bridge, near_ties };
                 scene.set_visibility(shown).unwrap();
                 scene.set_column_data(ColumnData::Colors).unwrap();
                 check(&mut scene, &sections, shown, ColumnData::Colors);
@@ -228,7 +248,12 @@ fn derived_parts_are_as_specified() {
 fn neighbours_follow_what_comes_changes_and_goes() {
     common::run("derived::neighbours_follow_what_comes_changes_and_goes", LAVAPIPE, |setup| {
         let gpu = setup.gpu();
-        let shown = Visibility { classes: ClassMask::only(&[2, 5, 6, 200]), withheld: true, bridge: 4 };
+        let shown = Visibility {
+            classes: ClassMask::only(&[2, 5, 6, 200]),
+            withheld: true,
+            bridge: 4,
+            near_ties: false,
+        };
         let key = |i: i32, j: i32| SectionKey { level: 0, i, j };
         for access in [Access::Address, Access::StorageBuffer] {
             let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, shown, GRID).unwrap();

@@ -45,6 +45,7 @@ pub(super) fn options() -> LoadOptions {
         cell: Some(CELL),
         placement: PlacementOptions::default(),
         rgb_bits: None,
+        asked: lasray::sample::Asked::default(),
         budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 31 },
         cache: None,
         quiet: true,

@@ -13,7 +13,7 @@ use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{Background, PassOptions, Renderer, Shade, View};
 use lasray::render::image::{Image, MISS_CLASS};
 use lasray::render::reference::beam::{Beam, beams};
-use lasray::render::reference::shade::shade;
+use lasray::render::reference::shade::{is_seen, shade};
 use lasray::render::reference::{ColumnMap, Face, Hit, Point};
 use lasray::resident::pool::Access;
 use lasray::shared::passes::{TILE, WIDE_TILE};
@@ -89,10 +89,8 @@ fn shade_is_as_its_twin() {
                     (Image::new([SIZE[0] * SIZE[1], 1]), Image::new([SIZE[0] * SIZE[1], 1]));
                 let mut elsewhere = 0;
                 for (at, hit) in map.render(&rays, SIZE).into_iter().enumerate() {
-                    // Below the floor a lit image ends.
-                    let shown = |hit: &&Hit| {
-                        shading == Shade::None || hit.face == Face::Top || hit.height >= view.floor
-                    };
+                    // Below the slab a lit image ends.
+                    let shown = |hit: &&Hit| shading == Shade::None || is_seen(&map, &view, hit);
                     let seen = hit.as_ref().filter(shown);
                     let distance = seen.map_or(f64::INFINITY, |hit| hit.distance);
                     let class = seen.map_or(MISS_CLASS, |hit| hit.class.into());

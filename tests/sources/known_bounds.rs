@@ -375,6 +375,7 @@ fn opening_sees_what_is_wrong() {
         cell: Some(0.5),
         placement: PlacementOptions::default(),
         rgb_bits: None,
+        asked: lasray::sample::Asked::default(),
         budget: Budget { host_bytes: 1 << 30, device_bytes: 1 << 30 },
         cache: Some(cache.clone()),
         quiet: true,

@@ -172,7 +172,7 @@ impl Args {
             classes = classes.without(&list.0);
         }
         let bridge = if self.no_bridge || self.shade == Shade::None { 0 } else { 4 };
-        Visibility { classes, withheld: self.withheld, bridge }
+        Visibility { classes, withheld: self.withheld, bridge, near_ties: !self.is_exact() }
     }
 }
 
