@@ -151,10 +151,10 @@ void main() {
             if (is_slab) normal = vec3(outward, 0.0);
             float sky_seen = is_slab ? 1.0 : sky_at(here, shown, detail, column, z, outward, cell_steps);
             float lit = max(dot(normal, frame.sun), 0.0);
-            vec3 sunlight = vec3(1.0, 0.96, 0.88) * 1.90 * lit * mix(0.5, 1.0, sky_seen);
+            vec3 sunlight = vec3(1.0, 0.96, 0.88) * 2.00 * lit * mix(0.5, 1.0, sky_seen);
             vec3 skylight = vec3(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky_seen * sky_seen;
             float bounce = 0.05 * (1.0 - 0.6 * normal.z);
-            vec3 light = sunlight + skylight * 0.30 + bounce;
+            vec3 light = sunlight + skylight * 0.28 + bounce;
             // Photographs hold light already.
             if (frame.color_source == COLOR_RGB) light = mix(vec3(1.2), light, 0.6);
             color.rgb = albedo * light;

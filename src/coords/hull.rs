@@ -1,7 +1,7 @@
 //! What cameras frame: points whose convex hull holds the data.
 
 use super::bounds::{Bounds, on_lattice};
-use super::low_surface::Slab;
+use super::low_surface::{LowSurface, Slab};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -12,9 +12,6 @@ const DIRECTIONS: usize = 512;
 const EQUAL: f64 = 1e-7;
 /// Shapes that reach less of their box than this, along any axis, say nothing of it.
 const LEAST_REACH: f64 = 0.5;
-
-/// A shape comes near to a corner of its box from this share of its sides on, both together.
-const NEAR_CORNER: f64 = 0.15;
 
 /// A few points whose convex hull holds many others, but for about 1 % of their extent. Never empty.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,18 +90,31 @@ impl Hull {
         high - low
     }
 
-    /// With the corners on the ground of `bounds`, which it lies in, that it comes near to: a sample hardly ever holds the points
-    /// that lie in a corner.
-    pub fn with_near_corners(mut self, bounds: &Bounds) -> Hull {
+    /// With the corners on the ground of `bounds`, which it lies in, that it comes near to: within this share of the sides, both
+    /// together. A sample hardly ever holds the points that lie in a corner.
+    pub fn with_near_corners(mut self, bounds: &Bounds, near: f64) -> Hull {
         let size = bounds.size();
         let share = |v: DVec3| DVec3::select(size.cmpgt(DVec3::ZERO), v / size, DVec3::ZERO);
         for corner in bounds.corners().into_iter().take(4) {
             let off = |p: &DVec3| share((p - corner).abs()).truncate().element_sum();
             let nearest = self.points.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
-            if let Some(nearest) = nearest.copied().filter(|nearest| off(nearest) < NEAR_CORNER) {
+            if let Some(nearest) = nearest.copied().filter(|nearest| off(nearest) < near) {
                 self.points.push(corner.with_z(nearest.z));
             }
         }
+        self
+    }
+
+    /// Without what is below the ground, such as stray points, which nobody sees from outside.
+    pub fn above(&self, low: &LowSurface) -> Hull {
+        let raised = |p: &DVec3| p.with_z(p.z.max(low.at(p.truncate())));
+        Hull { points: self.points.iter().map(raised).collect() }
+    }
+
+    /// With room for what stands on it unseen, `by` high, but not above `top`.
+    pub fn lifted(mut self, by: f64, top: f64) -> Hull {
+        let above: Vec<DVec3> = self.points.iter().map(|p| p.with_z((p.z + by).min(top).max(p.z))).collect();
+        self.points.extend(above);
         self
     }
 
@@ -211,7 +221,7 @@ mod tests {
     fn corners_that_are_nearly_reached_are_in_it() {
         let bounds = Bounds { min: DVec3::ZERO, max: DVec3::new(100.0, 50.0, 9.0) };
         let tile = [[4.0, 3.0, 1.0], [98.0, 2.0, 2.0], [97.0, 50.0, 9.0], [0.0, 40.0, 4.0], [60.0, 0.0, 5.0]];
-        let hull = Hull::of(&tile.map(DVec3::from_array)).unwrap().with_near_corners(&bounds);
+        let hull = Hull::of(&tile.map(DVec3::from_array)).unwrap().with_near_corners(&bounds, 0.15);
         let is_in = |x: f64, y: f64, z: f64| hull.points().contains(&DVec3::new(x, y, z));
         assert!(is_in(0.0, 0.0, 1.0) && is_in(100.0, 0.0, 2.0) && is_in(100.0, 50.0, 9.0));
         assert!(

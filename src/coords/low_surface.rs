@@ -9,7 +9,9 @@ use std::sync::Arc;
 pub const LOW_SIDE: usize = GROUND_SIDE as usize;
 /// Share of a cell's points below its height: strays below the ground are fewer.
 const LOW: f64 = 0.02;
-/// A slope is steep beside the gentlest quarter of all if it is so many times as steep: a wall, not a hillside.
+/// Cells each way of the blocks that tell how steep the ground is.
+const BLOCK: usize = 8;
+/// What is so many times as steep as the land is at half of its places is a wall, not a hillside.
 const STEEP: f64 = 4.0;
 /// And at least so steep.
 const LEAST_STEEP: f64 = 0.15;
@@ -94,16 +96,21 @@ impl LowSurface {
         cells.into_iter().map(low).collect()
     }
 
-    /// Steepest that the ground may be, from the gentle quarter of what there is.
+    /// Steepest that the ground may be: from the lowest of each block of cells, which is ground almost anywhere.
     fn steepest(&self) -> f64 {
-        let inner = (0..LOW_SIDE * (LOW_SIDE - 1)).filter(|at| at % LOW_SIDE + 1 < LOW_SIDE);
-        let slope = |at: usize| {
-            let rise = [at + 1, at + LOW_SIDE].map(|to| self.heights[to] - self.heights[at]);
-            (DVec2::from_array(rise) / self.cell).length()
+        let low = |i: usize, j: usize| {
+            let cells =
+                (0..BLOCK * BLOCK).map(|k| (j * BLOCK + k / BLOCK) * LOW_SIDE + i * BLOCK + k % BLOCK);
+            cells.map(|at| self.heights[at]).fold(f64::INFINITY, f64::min)
         };
-        let mut slopes: Vec<f64> = inner.map(slope).collect();
-        let quarter = slopes.len() / 4;
-        (STEEP * *slopes.select_nth_unstable_by(quarter, f64::total_cmp).1).max(LEAST_STEEP)
+        let (blocks, side) = (LOW_SIDE / BLOCK - 1, self.cell * BLOCK as f64);
+        let slope = |i: usize, j: usize| {
+            let rise = DVec2::new(low(i + 1, j) - low(i, j), low(i, j + 1) - low(i, j));
+            (rise / side).length()
+        };
+        let mut slopes: Vec<f64> = (0..blocks * blocks).map(|k| slope(k % blocks, k / blocks)).collect();
+        let middle = slopes.len() / 2;
+        (STEEP * *slopes.select_nth_unstable_by(middle, f64::total_cmp).1).max(LEAST_STEEP)
     }
 
     /// Lowers what rises more steeply than ground does, such as roofs that fill a cell.

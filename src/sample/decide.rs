@@ -10,7 +10,7 @@ use super::places;
 use super::read::{read_firsts, read_places, rgb_of};
 use super::rgb::{self, RgbDepth};
 use super::seen::{Asked, Seen, hidden_by_default, unpack};
-use super::shape::shape;
+use super::shape::{self, shape};
 use super::summary::{Shown, counts, summarise};
 use crate::attribute::{AttributeSummary, Kinds};
 use crate::coords::{Bounds, Hull, LowSurface};
@@ -98,6 +98,15 @@ impl PointsOf<'_> {
         placed.filter(|(point, _)| point.is_finite())
     }
 
+    /// How well a file was seen; `whole`: as all of them.
+    fn seen(&self, file: usize, whole: bool) -> shape::Seen {
+        match self.files[file].file.chunks.len() {
+            _ if whole => shape::Seen::Whole,
+            frame::ENOUGH.. => shape::Seen::AllOver,
+            _ => shape::Seen::InParts,
+        }
+    }
+
     /// What is framed of a file; `header`: what of its header's box counts.
     fn framed(
         &self,
@@ -114,8 +123,10 @@ impl PointsOf<'_> {
         let header = header_bounds(of, placement, DVec3::ZERO)
             .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && frame::holds_some(*bounds, &placed))
             .and_then(header);
-        let is_well_seen = whole || of.chunks.len() >= frame::ENOUGH;
-        let beyond = if is_well_seen { frame::WELL_SEEN } else { frame::SEEN_IN_PARTS };
+        let beyond = match self.seen(file, whole) {
+            shape::Seen::InParts => frame::SEEN_IN_PARTS,
+            shape::Seen::Whole | shape::Seen::AllOver => frame::WELL_SEEN,
+        };
         (of.points() > 0).then(|| frame::Framed::of(header, &placed, beyond))
     }
 }
@@ -187,8 +198,14 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
                 false => points_of.framed(index, &shown, |_| None, whole).and_then(|framed| framed.bounds),
             };
             let points = points_of.placed(index, &shown).map(|(point, _)| point);
-            bounds
-                .map(|bounds| shape(&bounds, points.filter(|point| framed.keeps(*point)), drawn.len(), whole))
+            bounds.map(|bounds| {
+                shape(
+                    &bounds,
+                    points.filter(|point| framed.keeps(*point)),
+                    drawn.len(),
+                    points_of.seen(index, whole),
+                )
+            })
         })
         .collect();
     let hull = Hull::union(in_frame.iter().filter_map(|&file| hulls[file].as_ref()));
@@ -208,6 +225,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     }
     let nowhere = Bounds { min: DVec3::ZERO, max: DVec3::ZERO };
     let low = LowSurface::of(&hull.as_ref().map_or(nowhere, Hull::bounds), &places_shown);
+    let above = |hull: Option<Hull>| hull.map(|hull| hull.above(&low));
+    let (hull, hulls): (_, Vec<_>) = (above(hull), hulls.into_iter().map(above).collect());
     let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
     let ground = ground::Ground {
         files,

@@ -7,13 +7,26 @@ use glam::DVec3;
 const CELLS: usize = 32;
 /// Of more files than this the boxes are shape enough.
 const FEW_FILES: usize = 64;
+/// How high the trees and masts are that a sample of parts has not seen, in lengths of the file.
+const UNSEEN: f64 = 0.04;
 /// Directions, and their opposites, in which a cell's outermost points are taken.
 const WAYS: [DVec3; 5] =
     [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(1.0, 1.0, 0.0), DVec3::new(1.0, -1.0, 0.0)];
 
-/// The shape of a file that has `bounds`, one of `files`, from `points` in it; `whole`: from all of them. Strays, outside of
+/// How well a file was seen.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Seen {
+    /// Every point.
+    Whole,
+    /// Points all over it.
+    AllOver,
+    /// A few runs of neighbouring points.
+    InParts,
+}
+
+/// The shape of a file that has `bounds`, one of `files`, from `points` in it, seen so well. Strays, outside of
 /// the box, do not count.
-pub(super) fn shape(bounds: &Bounds, points: impl Iterator<Item = DVec3>, files: usize, whole: bool) -> Hull {
+pub(super) fn shape(bounds: &Bounds, points: impl Iterator<Item = DVec3>, files: usize, seen: Seen) -> Hull {
     if files > FEW_FILES {
         return Hull::from(bounds);
     }
@@ -45,8 +58,12 @@ pub(super) fn shape(bounds: &Bounds, points: impl Iterator<Item = DVec3>, files:
     }
     let outermost: Vec<DVec3> = cells.into_iter().flatten().flatten().collect();
     match Hull::of(&outermost) {
-        Some(hull) if whole => hull,
-        Some(hull) => hull.stretched(bounds).with_near_corners(bounds),
+        Some(hull) if seen == Seen::Whole => hull,
+        Some(hull) => {
+            let near = if seen == Seen::AllOver { 0.15 } else { 0.4 };
+            let unseen = UNSEEN * bounds.size().truncate().max_element();
+            hull.stretched(bounds).with_near_corners(bounds, near).lifted(unseen, bounds.max.z)
+        }
         None => Hull::from(bounds),
     }
 }

@@ -18,6 +18,7 @@ use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::view;
 use std::fs;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A window's data, without a window.
@@ -67,6 +68,7 @@ impl Seen {
             sections: Vec::new(),
             grid,
             bounds: about.bounds,
+            low: Arc::clone(&about.low),
             anchor,
             colors: ColorTable::new(ColorMode::Class, &about.summary, &grid, None, None).unwrap(),
             summary: about.summary.clone(),

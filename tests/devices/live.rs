@@ -6,7 +6,7 @@ use super::scene::{self, BRIDGED, MEASURED};
 use super::{SIZE, cameras};
 use glam::DVec3;
 use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
-use lasray::coords::{Bounds, Grid, SectionKey};
+use lasray::coords::{Bounds, Grid, LowSurface, SectionKey};
 use lasray::gpu::Gpu;
 use lasray::ingest::bins::Budget;
 use lasray::load::{self, LoadOptions, Opening};
@@ -168,6 +168,7 @@ impl World {
             sections: Vec::new(),
             grid: self.grid,
             bounds: self.bounds,
+            low: Arc::new(LowSurface::of(&self.bounds, &[])),
             anchor,
             colors: self.colors.clone(),
             summary: self.summary.clone(),

@@ -11,6 +11,7 @@ mod known;
 #[path = "../common/lax.rs"]
 mod lax_writer;
 mod live;
+mod looks;
 #[path = "../common/scene.rs"]
 mod scene;
 mod story;

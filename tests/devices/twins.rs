@@ -14,7 +14,7 @@ use lasray::render::frame::{Background, PassOptions, Renderer, Shade, View};
 use lasray::render::image::{Image, MISS_CLASS};
 use lasray::render::reference::beam::{Beam, beams};
 use lasray::render::reference::shade::{is_seen, shade};
-use lasray::render::reference::{ColumnMap, Face, Hit, Point};
+use lasray::render::reference::{ColumnMap, Hit, Point};
 use lasray::resident::pool::Access;
 use lasray::shared::passes::{TILE, WIDE_TILE};
 

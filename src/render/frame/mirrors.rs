@@ -108,9 +108,9 @@ impl FrameConstants {
     }
 }
 
-/// Towards the sun: in the north-west, as on maps, 30° high.
+/// Towards the sun: in the north-west, as on maps, 29° high.
 pub(in super::super) fn sun() -> DVec3 {
-    DVec3::new(-0.75f64.sqrt(), 0.75f64.sqrt(), std::f64::consts::FRAC_1_SQRT_2).normalize()
+    DVec3::new(-0.75f64.sqrt(), 0.75f64.sqrt(), 0.68).normalize()
 }
 
 /// Where on the ground's heights cells lie: see `Frame` in `shaders/frame.glsl`.

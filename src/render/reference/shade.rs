@@ -113,9 +113,9 @@ fn light(map: &ColumnMap, view: &View, hit: &Hit, is_slab: bool) -> DVec3 {
         true => (outward.unwrap_or(DVec2::ZERO).extend(0.0), 1.0),
         false => (normal, sky(map, hit.cell, z, outward.unwrap_or(DVec2::ZERO), steep)),
     };
-    let sunlight = DVec3::new(1.0, 0.96, 0.88) * 1.90 * normal.dot(sun()).max(0.0) * (0.5 + 0.5 * sky);
+    let sunlight = DVec3::new(1.0, 0.96, 0.88) * 2.00 * normal.dot(sun()).max(0.0) * (0.5 + 0.5 * sky);
     let skylight = DVec3::new(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky * sky;
-    let light = sunlight + skylight * 0.30 + 0.05 * (1.0 - 0.6 * normal.z);
+    let light = sunlight + skylight * 0.28 + 0.05 * (1.0 - 0.6 * normal.z);
     // Photographs hold light already.
     if view.colors.mode == ColorMode::Rgb { DVec3::splat(1.2).lerp(light, 0.6) } else { light }
 }
