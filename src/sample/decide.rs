@@ -2,16 +2,17 @@
 
 use super::budget::SampleBudget;
 use super::cell::{self, CellChoice};
-use super::facts::{facts, header_bounds, in_nodes};
+use super::facts::{facts, in_nodes};
 use super::frame::{self, FrameNote};
 use super::ground;
 use super::open::Opened;
 use super::places;
 use super::read::{read_firsts, read_places, rgb_of};
 use super::rgb::{self, RgbDepth};
-use super::seen::{Asked, Seen, hidden_by_default, unpack};
-use super::shape::{self, shape};
+use super::seen::{Asked, Seen, hidden_by_default};
+use super::shape::shape;
 use super::summary::{Shown, counts, summarise};
+use super::weighted::Weighted;
 use crate::attribute::{AttributeSummary, Kinds};
 use crate::coords::{Bounds, Hull, LowSurface};
 use crate::source::known::Told;
@@ -77,60 +78,6 @@ pub struct Sample {
     pub problems: Vec<(usize, SourceError)>,
 }
 
-/// The points of the sample, each with how many it stands for, where they are in the world.
-struct PointsOf<'a> {
-    files: &'a [Opened],
-    world: &'a World,
-    weighted: &'a [Vec<(&'a Seen, f64)>],
-}
-
-impl PointsOf<'_> {
-    fn place(&self, file: usize, seen: &Seen) -> DVec3 {
-        let point = unpack(&self.files[file].file, seen.raw);
-        let placement = self.world.placements[file].as_ref().expect("only files that are drawn are sampled");
-        placement.place(point.x, point.y, point.z)
-    }
-
-    /// Those of a file that are to be shown.
-    fn placed(&self, file: usize, shown: impl Fn(&Seen) -> bool) -> impl Iterator<Item = (DVec3, f64)> {
-        let points = self.weighted[file].iter().filter(move |(seen, _)| shown(seen));
-        let placed = points.map(move |(seen, weight)| (self.place(file, seen), *weight));
-        placed.filter(|(point, _)| point.is_finite())
-    }
-
-    /// How well a file was seen; `whole`: as all of them.
-    fn seen(&self, file: usize, whole: bool) -> shape::Seen {
-        match self.files[file].file.chunks.len() {
-            _ if whole => shape::Seen::Whole,
-            frame::ENOUGH.. => shape::Seen::AllOver,
-            _ => shape::Seen::InParts,
-        }
-    }
-
-    /// What is framed of a file; `header`: what of its header's box counts.
-    fn framed(
-        &self,
-        file: usize,
-        shown: impl Fn(&Seen) -> bool,
-        header: impl Fn(Bounds) -> Option<Bounds>,
-        whole: bool,
-    ) -> Option<frame::Framed> {
-        let placement = self.world.placements[file].as_ref()?;
-        let placed: Vec<(DVec3, f64)> = self.placed(file, shown).collect();
-        let of = &self.files[file].file;
-        // Points that are all known need no header; a header that leaves out the few that are known is wrong. Of a file
-        // of another system the box is wider than what is in it; nothing may lie outside, since nothing is drawn there.
-        let header = header_bounds(of, placement, DVec3::ZERO)
-            .filter(|bounds| !(whole && placed.len() < frame::ENOUGH) && frame::holds_some(*bounds, &placed))
-            .and_then(header);
-        let beyond = match self.seen(file, whole) {
-            shape::Seen::InParts => frame::SEEN_IN_PARTS,
-            shape::Seen::Whole | shape::Seen::AllOver => frame::WELL_SEEN,
-        };
-        (of.points() > 0).then(|| frame::Framed::of(header, &placed, beyond))
-    }
-}
-
 /// Takes the opening sample of `files` (sorted by path) and decides; `asked`: what is to be shown at first.
 pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget: &SampleBudget) -> Sample {
     let mut problems = Vec::new();
@@ -160,63 +107,37 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let stored = rgb_of(files, &drawn, &firsts, &places, &seen, whole);
     let rgb = rgb::decide(files, &stored);
 
-    // All three samples stand for the whole. Neighbours are alike, so a place, or the head of a chunk,
-    // tells as much as a few points that are spread out.
-    let spread_out: usize = drawn.iter().map(|&index| firsts[index].len()).sum();
-    let worth = [spread_out as f64, HEAD_WORTH * heads.len() as f64, PLACE_WORTH * places.len() as f64];
-    let share = worth.map(|part| points as f64 * part / worth.iter().sum::<f64>().max(1.0));
-    let mut weighted: Vec<Vec<(&Seen, f64)>> = vec![Vec::new(); files.len()];
-    for &index in &drawn {
-        let part = files[index].file.points() as f64 / points.max(1) as f64;
-        let weight = share[0] * part / firsts[index].len().max(1) as f64;
-        weighted[index].extend(firsts[index].iter().map(|seen| (seen, weight)));
-    }
-    for (places, seen, share) in [(&heads, &heads_seen, share[1]), (&places, &seen, share[2])] {
-        let weight = share / seen.iter().map(Vec::len).sum::<usize>().max(1) as f64;
-        for (place, seen) in places.iter().zip(seen) {
-            weighted[place.file].extend(seen.iter().map(|seen| (seen, weight)));
-        }
-    }
-
-    let points_of = PointsOf { files, world: &world, weighted: &weighted };
+    let parts = [(&heads, &heads_seen, HEAD_WORTH), (&places, &seen, PLACE_WORTH)];
+    let sample = Weighted::new(files, &world, whole, &firsts, parts);
     // Where everything is noise, noise is what is measured.
-    let everything = weighted.iter().flatten().all(|(seen, _)| hidden_by_default(seen.class, seen.flags));
+    let everything =
+        sample.points.iter().flatten().all(|(seen, _)| hidden_by_default(seen.class, seen.flags));
     let usual = |seen: &Seen| everything || !hidden_by_default(seen.class, seen.flags);
-    let is_there = weighted.iter().flatten().any(|(seen, _)| asked.shows(seen.class, seen.flags));
+    let is_there = sample.points.iter().flatten().any(|(seen, _)| asked.shows(seen.class, seen.flags));
     let shown = |seen: &Seen| if is_there { asked.shows(seen.class, seen.flags) } else { usual(seen) };
-    let framed: Vec<frame::Framed> = (0..files.len())
-        .map(|index| points_of.framed(index, &usual, |header| Some(header), whole).unwrap_or_default())
-        .collect();
+    let framed: Vec<frame::Framed> =
+        (0..files.len()).map(|file| sample.framed(file, usual, true).unwrap_or_default()).collect();
     let (frame, in_frame, notes) = frame::whole(&framed, |file| files[file].file.points(), whole);
-    let hulls: Vec<Option<Hull>> = framed
-        .iter()
-        .enumerate()
-        .map(|(index, framed)| {
-            // Others than usual need not fill the box that the header has for all.
-            let bounds = match *asked == Asked::default() || !is_there {
-                true => framed.bounds,
-                false => points_of.framed(index, &shown, |_| None, whole).and_then(|framed| framed.bounds),
-            };
-            let points = points_of.placed(index, &shown).map(|(point, _)| point);
-            bounds.map(|bounds| {
-                shape(
-                    &bounds,
-                    points.filter(|point| framed.keeps(*point)),
-                    drawn.len(),
-                    points_of.seen(index, whole),
-                )
-            })
-        })
-        .collect();
+    let is_usual = *asked == Asked::default() || !is_there;
+    let hull_of = |(file, framed): (usize, &frame::Framed)| {
+        // Others than usual need not fill the box that the header has for all.
+        let bounds = match is_usual {
+            true => framed.bounds,
+            false => sample.framed(file, shown, false).and_then(|framed| framed.bounds),
+        };
+        let points = sample.placed(file, shown).map(|(point, _)| point).filter(|point| framed.keeps(*point));
+        bounds.map(|bounds| shape(&bounds, points, drawn.len(), sample.seen(file)))
+    };
+    let hulls: Vec<Option<Hull>> = framed.iter().enumerate().map(hull_of).collect();
     let hull = Hull::union(in_frame.iter().filter_map(|&file| hulls[file].as_ref()));
     let mut kinds = Kinds::new();
     let mut classes = vec![0.0; 256];
     let (mut shown_points, mut places_shown) = (Vec::new(), Vec::new());
-    for (file, points) in weighted.iter().enumerate() {
+    for (file, points) in sample.points.iter().enumerate() {
         for &(seen, weight) in points {
             kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
             classes[usize::from(seen.class)] += weight;
-            let at = points_of.place(file, seen);
+            let at = sample.place(file, seen);
             if shown(seen) && at.is_finite() && framed[file].keeps(at) {
                 places_shown.push(at);
                 shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
@@ -235,24 +156,14 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         firsts: &firsts,
         whole,
         shown: &shown,
-        place: &|file, seen| points_of.place(file, seen),
+        place: &|file, seen| sample.place(file, seen),
         bounds: &bounds,
     };
     let patches = ground::patches(&places, &seen, &ground);
-    let reach = |index: usize| {
-        let (file, placement) = (&files[index].file, world.placements[index].as_ref()?);
-        // Headers round; a step more holds what they mean, however small cells are.
-        let header = header_bounds(file, placement, file.header.scale.abs())?;
-        let inside = |(seen, _): &(&Seen, f64)| {
-            let point = points_of.place(index, seen);
-            point.cmpge(header.min).all() && point.cmple(header.max).all()
-        };
-        weighted[index].iter().all(inside).then_some(header)
-    };
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
     Sample {
         points,
-        sampled: weighted.iter().map(Vec::len).sum::<usize>() as u64,
+        sampled: sample.points.iter().map(Vec::len).sum::<usize>() as u64,
         whole,
         cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
         attributes: summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file))),
@@ -267,7 +178,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
             .zip(&bounds)
             .zip(hulls)
             .map(|(((index, rgb), &bounds), hull)| {
-                let (reach, in_nodes, contradicted) = (reach(index), in_nodes[index], contradicted[index]);
+                let (reach, in_nodes, contradicted) =
+                    (sample.reach(index), in_nodes[index], contradicted[index]);
                 let rgb_constant = rgb::constant(&stored[index]).filter(|_| rgb != RgbDepth::None);
                 FileSample { rgb, rgb_constant, bounds, hull, reach, in_nodes, contradicted }
             })

@@ -23,6 +23,7 @@ mod rgb;
 mod seen;
 mod shape;
 mod summary;
+mod weighted;
 
 pub use budget::SampleBudget;
 pub use cell::{CellChoice, GroundPatch, choose as choose_cell};
