@@ -425,7 +425,7 @@ pub fn tiles_of(
     let grid = grid(cell, &flat)?;
     let bins = Bins::new(grid, core(cell, &flat), options.budget);
     let progress = ReadProgress::default();
-    let sampled = std::sync::Mutex::new(crate::attribute::AttributeSample::default());
+    let sampled = std::sync::Mutex::new((crate::attribute::AttributeSample::default(), Vec::new()));
     watched(tiles.iter().map(|t| t.points).sum(), options.quiet, &progress, || {
         let next = std::sync::atomic::AtomicUsize::new(0);
         std::thread::scope(|scope| {
@@ -437,12 +437,14 @@ pub fn tiles_of(
                             binner.bin(&bins, &Scan, &scan.points);
                             progress.points.fetch_add(scan.len() as u64, Ordering::Relaxed);
                             let mut sampled = sampled.lock().unwrap_or_else(|e| e.into_inner());
+                            let (sampled, places) = &mut *sampled;
                             for i in (0..scan.len()).step_by(32) {
                                 let p = &scan.points;
-                                let height = grid.height(Scan.world(p, i).z);
-                                if let Some(height) = height
+                                let place = Scan.world(p, i);
+                                if let Some(height) = grid.height(place.z)
                                     && !sample::hidden_by_default(p.class[i], p.flags[i])
                                 {
+                                    places.push(place);
                                     sampled.push(crate::attribute::Attributes {
                                         height,
                                         class: p.class[i],
@@ -460,7 +462,10 @@ pub fn tiles_of(
             }
         });
     });
-    let summary = sampled.into_inner().unwrap_or_else(|e| e.into_inner()).summary(&grid);
+    let (sampled, mut places) = sampled.into_inner().unwrap_or_else(|e| e.into_inner());
+    let summary = sampled.summary(&grid);
+    // Whichever thread came first.
+    places.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     let bounds =
         Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
     let points = progress.points.into_inner();
@@ -468,8 +473,8 @@ pub fn tiles_of(
     let about = About {
         subject: String::new(),
         bounds,
-        hull: Hull::from(&bounds),
-        low: Arc::new(LowSurface::of(&bounds, &[])),
+        hull: Hull::of(&places).map_or_else(|| Hull::from(&bounds), |hull| hull.stretched(&bounds)),
+        low: Arc::new(LowSurface::of(&bounds, &places)),
         classes: summary.classes.clone(),
         kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),
         summary,
