@@ -483,7 +483,7 @@ fn main() -> anyhow::Result<()> {
     println!("{}; commit {COMMIT}", gpu.info());
     let mut problems = Problems::default();
     let options = LoadOptions {
-        cell: Some(CELL),
+        cell: Some(CELL.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,
         budget: Budget { host_bytes: u64::MAX, device_bytes: u64::MAX },

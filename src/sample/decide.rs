@@ -10,7 +10,7 @@ use super::places;
 use super::read::{read_firsts, read_places, rgb_of};
 use super::rgb::{self, RgbDepth};
 use super::seen::{Seen, hidden_by_default, unpack};
-use super::summary::{Shown, summarise};
+use super::summary::{Shown, counts, summarise};
 use crate::attribute::{AttributeSummary, Kinds};
 use crate::coords::Bounds;
 use crate::source::known::Told;
@@ -59,6 +59,10 @@ pub struct Sample {
     pub attributes: AttributeSummary,
     /// Kinds of points that were seen, hidden ones included.
     pub kinds: Kinds,
+    /// Points of each class, hidden ones included; estimates unless `counted`.
+    pub classes: Box<[u64; 256]>,
+    /// Every point was looked at, and none could not be read.
+    pub counted: bool,
     /// What is to be framed; `None` for no points.
     pub bounds: Option<Bounds>,
     /// What is not obvious about that.
@@ -137,10 +141,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &SampleBudget)
     let framed: Vec<frame::Framed> =
         (0..files.len()).map(|index| framed(index).unwrap_or_default()).collect();
     let mut kinds = Kinds::new();
+    let mut classes = vec![0.0; 256];
     let mut shown_points = Vec::new();
     for (file, points) in weighted.iter().enumerate() {
         for &(seen, weight) in points {
             kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
+            classes[usize::from(seen.class)] += weight;
             let at = place(file, seen);
             if shown(seen) && at.is_finite() && framed[file].keeps(at) {
                 shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
@@ -171,9 +177,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, budget: &SampleBudget)
     };
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
     let (frame, notes) = frame::whole(&framed, |file| files[file].file.points(), whole);
+    let sampled = weighted.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,
-        sampled: weighted.iter().map(Vec::len).sum::<usize>() as u64,
+        sampled,
+        classes: counts(&classes),
+        counted: whole && sampled == points,
         whole,
         cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
         attributes: summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file))),

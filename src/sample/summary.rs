@@ -35,7 +35,7 @@ pub(super) fn summarise(shown: &[Shown], has_rgb: bool) -> AttributeSummary {
 }
 
 /// Whole points; what was seen at all is never 0.
-fn counts(weights: &[f64]) -> Box<[u64; 256]> {
+pub(super) fn counts(weights: &[f64]) -> Box<[u64; 256]> {
     let count = |&weight: &f64| if weight > 0.0 { (weight.round() as u64).max(1) } else { 0 };
     let counts: Vec<u64> = weights.iter().map(count).collect();
     counts.into_boxed_slice().try_into().expect("one a class")

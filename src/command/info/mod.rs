@@ -7,6 +7,7 @@ mod ranges;
 mod report;
 mod run;
 mod scan;
+mod table;
 mod text;
 
 pub use args::Args;

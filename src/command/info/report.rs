@@ -2,6 +2,7 @@
 
 use super::ranges::Box3;
 use super::scan::Scan;
+use crate::attribute::class_name;
 use crate::source::crs::{Crs, CrsKind, Unit};
 use serde::Serialize;
 
@@ -47,6 +48,9 @@ pub(super) struct FileReport {
     pub rgb_constant: Option<[u16; 3]>,
     /// Its coordinate system is transformed into that of all.
     pub transformed: bool,
+    /// Some of its points were not looked at.
+    #[serde(skip)]
+    pub is_sampled: bool,
     /// It is not drawn, since there is no way from its coordinate system into that of all.
     pub left_out: bool,
     /// A part of it could not be read.
@@ -89,11 +93,31 @@ pub(super) struct Total {
     /// Percentiles 2 and 98 of shown points.
     pub height_p2_p98: [f64; 2],
     pub intensity_p2_p98: [f64; 2],
-    /// Points that density, cell and colour rest on.
+    /// Points that density, cell and colour rest on, and classes unless they were counted.
     pub sampled: u64,
+    /// Classes that were seen, by number.
+    pub classes: Vec<ClassCount>,
+    /// Their points were counted, every one; otherwise they are estimates, and rare classes may be missing.
+    pub classes_counted: bool,
     pub notes: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scan: Option<Scan>,
+}
+
+/// Points of a class.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct ClassCount {
+    pub class: u8,
+    pub name: &'static str,
+    pub points: u64,
+}
+
+impl ClassCount {
+    /// Of those of all classes that are not 0.
+    pub fn all(points: &[u64]) -> Vec<ClassCount> {
+        let seen = (0..=255u8).zip(points).filter(|(_, points)| **points > 0);
+        seen.map(|(class, &points)| ClassCount { class, name: class_name(class), points }).collect()
+    }
 }
 
 /// A coordinate system.

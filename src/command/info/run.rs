@@ -27,6 +27,14 @@ fn tell(args: &Args, page: &str, all: &impl Serialize, protected: &Protected) ->
     }
 }
 
+/// Columns of the terminal, or as many as `COLUMNS` says where standard output is none; otherwise nothing is shortened
+/// for a file or a program that reads it.
+fn width() -> Option<usize> {
+    let of_terminal = terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| width.0.into());
+    let said = || std::env::var("COLUMNS").ok()?.trim().parse().ok();
+    of_terminal.or_else(said).filter(|&width| width > 0)
+}
+
 /// Runs `lasray info`. [`Outcome::Incomplete`] where nothing could be read, or an input failed with
 /// `--strict`.
 pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
@@ -43,7 +51,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let report = gather(&args, &found, problems);
     // A closed stderr is nothing to stop for.
     let _ = problems.finish(false, &mut std::io::stderr().lock());
-    tell(&args, &text::page(&report), &Signed::new(&report), &protected)?;
+    tell(&args, &text::page(&report, width()), &Signed::new(&report), &protected)?;
     let failed = args.strict && problems.failed;
     Ok(if failed || report.files.is_empty() { Outcome::Incomplete } else { Outcome::Done })
 }

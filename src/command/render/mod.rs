@@ -5,6 +5,8 @@ mod camera;
 mod data;
 mod draw;
 mod film;
+mod ground;
+mod names;
 mod pattern;
 mod report;
 mod run;
