@@ -341,6 +341,10 @@ fn eyes_stand_above_what_is_shown() {
     assert_eq!(eye("--eye 550.25,720.75,+3 --target 510,720,0")[0], "550.250,720.750,119.000");
     // As it is shown: twice as high above the lowest point.
     assert_eq!(eye("--eye 550.25,720.75,+3 --target 510,720,0 --z-scale 2")[0], "550.250,720.750,135.000");
+    assert_eq!(
+        eye("--eye 550.25,720.75,+3 --target 510,720,0 --z-scale 900")[0],
+        "550.250,720.750,14503.000"
+    );
     let picture = |more: &str| {
         eye(more);
         png(&here.join("a.png")).1

@@ -1,7 +1,8 @@
 //! Gathers the report: opens the files, takes the opening sample, scans them where that is asked for.
 
 use super::args::Args;
-use super::report::{ClassCount, FileReport, InfoReport, Total};
+use super::classes::ClassCount;
+use super::report::{FileReport, InfoReport, Total};
 use super::scan::{self, Scan};
 use crate::attribute::ColorMode;
 use crate::coords::{Bounds, height_step};

@@ -1,8 +1,10 @@
 //! `lasray info`: what is in the files, and how they would be drawn.
 
 mod args;
+mod classes;
 mod devices;
 mod gather;
+mod numbers;
 mod ranges;
 mod report;
 mod run;

@@ -1,8 +1,8 @@
 //! Everything that `lasray info` tells of files: what is printed, and what is written as JSON.
 
+use super::classes::ClassCount;
 use super::ranges::Box3;
 use super::scan::Scan;
-use crate::attribute::class_name;
 use crate::source::crs::{Crs, CrsKind, Unit};
 use serde::Serialize;
 
@@ -102,22 +102,6 @@ pub(super) struct Total {
     pub notes: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scan: Option<Scan>,
-}
-
-/// Points of a class.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct ClassCount {
-    pub class: u8,
-    pub name: &'static str,
-    pub points: u64,
-}
-
-impl ClassCount {
-    /// Of those of all classes that are not 0.
-    pub fn all(points: &[u64]) -> Vec<ClassCount> {
-        let seen = (0..=255u8).zip(points).filter(|(_, points)| **points > 0);
-        seen.map(|(class, &points)| ClassCount { class, name: class_name(class), points }).collect()
-    }
 }
 
 /// A coordinate system.

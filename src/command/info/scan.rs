@@ -1,7 +1,7 @@
 //! What only reading every point tells.
 
+use super::classes::ClassCount;
 use super::ranges::{Box3, Range};
-use super::report::ClassCount;
 use crate::sample::{Opened, parallel};
 use crate::source::{FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, LidarFile, PointBlock};
 use crate::text::harmless;

@@ -1,7 +1,7 @@
 //! Many files as a table, no wider than there is room for.
 
+use super::numbers::{fixed, number, significant};
 use super::report::FileReport;
-use super::text::{fixed, number, significant};
 use crate::source::crs::CrsKind;
 use std::collections::HashSet;
 use std::fmt::Write;

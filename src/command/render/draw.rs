@@ -1,30 +1,25 @@
 //! Draws the images that the arguments ask for, and writes them with what stands beside them.
 
-use super::args::{Args, Wait};
+use super::args::Args;
 use super::camera::{Asked, camera, framed};
-use super::data::{Data, Filled, fill};
+use super::data::{Data, Filled};
+use super::drawing::Drawing;
 use super::film::{Film, draw_film};
 use super::ground::absolute;
 use super::report::{Summary, write_json};
-use crate::attribute::{AttributeSummary, ColorTable, Kinds};
+use crate::attribute::{AttributeSummary, ColorTable};
 use crate::command::UsageError;
 use crate::command::values::Ortho;
-use crate::coords::Grid;
 use crate::gpu::Gpu;
-use crate::output::{Output, Protected};
+use crate::output::Protected;
 use crate::problems::Problems;
 use crate::render::camera::{Camera, Projection};
-use crate::render::frame::{Background, FrameError, Renderer, Shade, Traversal, View, check_size};
-use crate::render::image::{Format, Image, notes};
+use crate::render::frame::{Background, Renderer, Shade, Traversal, View};
+use crate::render::image::Format;
 use crate::render::side_files::{SideFiles, WorldFile};
-use crate::render::sight::sight;
-use crate::resident::live::Status;
-use crate::resident::table::Table;
-use crate::resident::visibility::why_hidden;
 use crate::source::crs::Crs;
 use anyhow::Context;
 use std::path::Path;
-use std::sync::Arc;
 
 /// Where images go, and what else they are made with.
 pub(super) struct Work<'a> {
@@ -165,112 +160,5 @@ fn check_sides(size: [u32; 2], output: &Path) -> anyhow::Result<()> {
     if size.iter().any(|&side| side > format.most_pixels()) {
         return Err(UsageError(format.too_large(output).to_string()).into());
     }
-    Ok(())
-}
-
-/// Images of the same data, one after the other.
-pub(super) struct Drawing<'a> {
-    args: &'a Args,
-    filled: Filled,
-    renderer: Renderer,
-    /// What images have in common.
-    pub(super) view: View<'a>,
-    pub(super) grid: Grid,
-    /// U down to which sections are wanted.
-    seen_down_to: f64,
-    /// Pixels that a cell may cover.
-    detail: f64,
-    /// What an image says of its side files.
-    beside: String,
-    /// Kinds of points that the opening sample has seen.
-    sampled_kinds: &'a Kinds,
-    /// Of each image that was drawn while data streams.
-    statuses: Vec<Status>,
-    protected: &'a Protected,
-    problems: &'a mut Problems,
-}
-
-impl Drawing<'_> {
-    /// Draws what `camera` sees, and writes it.
-    fn image(&mut self, camera: &Camera, output: &Path) -> anyhow::Result<()> {
-        let View { size, .. } = self.view;
-        let table = self.table(camera, size, self.detail, self.args.wait)?;
-        let scene = &mut self.filled.scene;
-        // Where nothing is in sight, the sample tells what there is elsewhere.
-        let seen: Kinds = scene.kinds().union(self.sampled_kinds).copied().collect();
-        if let Some(why) = why_hidden(&seen, &scene.visibility()) {
-            anyhow::bail!("nothing to draw: {why}");
-        }
-        let view = View { camera, ..self.view.clone() };
-        let image = self.renderer.draw_table(scene, &view, &table).map_err(usage)?;
-        write(&image, &view, &self.grid, Output::over(output, self.protected), &self.beside)
-    }
-
-    /// What `camera` sees in one pixel: finest cells, no exaggeration, nothing written.
-    pub(super) fn exact_pixel(&mut self, camera: &Camera) -> anyhow::Result<Image> {
-        let table = self.table(camera, [1, 1], 0.0, Wait::Complete)?;
-        self.statuses.clear();
-        let view = View {
-            camera,
-            size: [1, 1],
-            samples: 1,
-            z_scale: 1.0,
-            shade: Shade::None,
-            background: Background::None,
-            ..self.view.clone()
-        };
-        self.renderer.draw_table(&mut self.filled.scene, &view, &table).map_err(usage)
-    }
-
-    /// The table of what `camera` sees, which is read and uploaded first where it is not there. `detail`: pixels that a
-    /// cell may cover.
-    fn table(
-        &mut self,
-        camera: &Camera,
-        size: [u32; 2],
-        detail: f64,
-        wait: Wait,
-    ) -> anyhow::Result<Arc<Table>> {
-        let scene = &mut self.filled.scene;
-        let Some(live) = &mut self.filled.live else { return Ok(self.renderer.table(scene)) };
-        let View { z_scale, pivot, .. } = self.view;
-        check_size(scene.gpu(), size).map_err(usage)?;
-        let sight = sight(camera, size, [z_scale, pivot], self.seen_down_to, detail)
-            .map_err(|error| usage(error.into()))?;
-        live.pause(false);
-        live.restore_detail();
-        let filled = fill(live, scene, &sight, self.args, wait);
-        live.pause(true);
-        // What was wrong with files is told even where the image fails for another reason.
-        live.take_errors().iter().for_each(|error| self.problems.error(error));
-        live.take_warnings().iter().for_each(|warning| self.problems.warn(warning));
-        let now = filled?;
-        if now.coarser > 1.0 && self.statuses.last().is_none_or(|before| before.coarser < now.coarser) {
-            self.problems.warn(format!(
-                "detail is reduced: cells may cover {:.1} times as many pixels, for lack of device memory (--device-memory)",
-                now.coarser
-            ));
-        }
-        self.statuses.push(now);
-        Ok(self.renderer.table_of_live(scene, live))
-    }
-}
-
-/// A size or a camera that cannot be drawn is a wrong argument.
-fn usage(error: FrameError) -> anyhow::Error {
-    match error {
-        FrameError::Size { .. } | FrameError::Camera(_) => UsageError(error.to_string()).into(),
-        error => error.into(),
-    }
-}
-
-/// Writes an image; `beside`: what it says of its side files.
-fn write(image: &Image, view: &View, grid: &Grid, output: Output, beside: &str) -> anyhow::Result<()> {
-    let of_view = notes(view.camera, grid);
-    let mut notes: Vec<_> = of_view.iter().map(|(key, value)| (*key, value.as_str())).collect();
-    if !beside.is_empty() {
-        notes.push(("Beside", beside));
-    }
-    image.write(output, view.background == Background::None, &notes)?;
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! Places of the camera that were typed, in E, N, U as they are shown; for those that count from what is shown there, a
 //! picture of one pixel is drawn.
 
-use super::draw::Drawing;
+use super::drawing::Drawing;
 use crate::command::UsageError;
 use crate::command::values::Place;
 use crate::render::camera::{Camera, Projection};

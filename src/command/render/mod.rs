@@ -4,6 +4,7 @@ mod args;
 mod camera;
 mod data;
 mod draw;
+mod drawing;
 mod film;
 mod ground;
 mod names;
