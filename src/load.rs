@@ -1,6 +1,6 @@
 //! From inputs to sections: open, choose once for all files, read and bin. What every command starts with.
 
-use crate::attribute::{AttributeSummary, Spread};
+use crate::attribute::AttributeSummary;
 use crate::attribute::{ColorMode, Kinds};
 use crate::coords::{Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, SectionKey, height_step};
 use crate::ingest::bins::{Binner, Bins, Budget, Core, Meaning};
@@ -217,27 +217,6 @@ pub struct Opening {
     pub core: Core,
     /// What is known of the whole.
     pub about: About,
-}
-
-impl Opening {
-    /// Each file by itself, on the grid and in the world of all. What colours are chosen by stays that of all but for the
-    /// heights, which are the file's own bounds: they say where its picture ends below.
-    pub fn each(self) -> impl Iterator<Item = Opening> {
-        let Opening { inputs, grid, about, .. } = self;
-        inputs.into_iter().map(move |input| {
-            let bounds = input.bounds.map_or(about.bounds, |bounds| bounds.snapped(grid.height_step));
-            let (low, high) = (bounds.min.z, bounds.max.z);
-            let height = Spread { min: low, max: high, p2: low, p98: high };
-            let about = About {
-                subject: format!("{}: ", input.input.file.path().display()),
-                bounds,
-                kinds: Kinds::new(),
-                summary: AttributeSummary { height, ..about.summary.clone() },
-                ..about.clone()
-            };
-            Opening { core: core(about.cell, &bounds), inputs: vec![input], grid, about }
-        })
-    }
 }
 
 /// Opens `paths` and takes the opening sample.

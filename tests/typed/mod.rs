@@ -1,6 +1,6 @@
 //! What people type in their first minutes: each line does what it says, or says what to type.
 
-use super::made::{Made, Packing};
+use super::made::{Made, Packing, data_dir};
 use super::{las, points_at, run, words};
 use std::collections::BTreeMap;
 use std::fs;
@@ -508,6 +508,33 @@ fn pictures_of_each_file_go_together() {
             let pixels = png(&here.join(name)).1;
             assert!(pixels.chunks(3).any(|p| p != &pixels[..3]), "{name} {more}: nothing is in the picture");
         }
+    }
+}
+
+/// Many files share an opening sample, which sees little of each: each picture holds all of its file's points even so.
+#[test]
+fn pictures_of_many_files_are_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let made = typed(here, "synth tiles --points 900k --tiles 3x2 --size 80 -q");
+    assert_eq!(made.0, Some(0), "{}", made.1);
+    let said = done(here, "render tiles --each --ortho 2 -o {stem}.png");
+    let pictures: Vec<_> = said.lines().filter(|line| line.contains(" pixels, ")).collect();
+    assert_eq!(pictures.len(), 6, "{said}");
+    for line in pictures {
+        // Tiles begin at multiples of a pixel; a stray edge of a pixel more is no fault.
+        let [width, height] = png(&here.join(line.split(':').next().unwrap())).0;
+        assert!((40..=41).contains(&width) && (40..=41).contains(&height), "{line}");
+    }
+    let Some(data) = data_dir() else { return };
+    let tiles = data.join("urban/multitile_ign").canonicalize().unwrap();
+    let ran = run(here, &words(["render", tiles.to_str().unwrap(), "--each", "--ortho", "1", "-q"]), &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.said);
+    let pictures: Vec<_> =
+        names(here).into_iter().filter(|n| n.starts_with("test_data") && n.ends_with("png")).collect();
+    assert_eq!(pictures.len(), 6);
+    for name in pictures {
+        assert_eq!(png(&here.join(&name)).0, [50, 50], "{name}");
     }
 }
 

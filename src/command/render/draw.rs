@@ -7,10 +7,11 @@ use super::drawing::Drawing;
 use super::film::{Film, draw_film};
 use super::ground::absolute;
 use super::report::{Summary, write_json};
-use crate::attribute::{AttributeSummary, ColorTable};
+use crate::attribute::ColorTable;
 use crate::command::UsageError;
 use crate::command::values::Ortho;
 use crate::gpu::Gpu;
+use crate::load::About;
 use crate::output::Protected;
 use crate::problems::Problems;
 use crate::render::camera::{Camera, Projection};
@@ -28,7 +29,7 @@ pub(super) struct Work<'a> {
     pub(super) film: Option<&'a Film>,
     pub(super) protected: &'a Protected,
     /// What colours are chosen by, where it is not the data alone that is drawn.
-    pub(super) legend: Option<&'a AttributeSummary>,
+    pub(super) legend: Option<&'a About>,
 }
 
 /// Draws the image that the arguments ask for, or all of its film.
@@ -61,8 +62,9 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
     let keeps_copies = film.is_some() || cameras.is_none();
     let filled = Filled::new(gpu, args, content, grid, keeps_copies)?;
 
-    let mode = args.color.0.unwrap_or(about.color);
-    let colors = ColorTable::new(mode, legend.unwrap_or(&about.summary), &grid, args.ramp, args.range)
+    let legend = legend.unwrap_or(&about);
+    let mode = args.color.0.unwrap_or(legend.color);
+    let colors = ColorTable::new(mode, &legend.summary, &grid, args.ramp, args.range)
         .map_err(|e| UsageError(e.to_string()))?;
     if let Some(constant) = &colors.constant
         && !args.quiet

@@ -10,16 +10,15 @@ use crate::command::targets::check_targets;
 use crate::command::values::Place;
 use crate::gpu::{Gpu, GpuError, GpuOptions};
 use crate::ingest::bins::Budget;
-use crate::ingest::input::OpenInput;
-use crate::load::{self, LoadError, LoadOptions};
+use crate::load::{self, About, LoadError, LoadOptions};
 use crate::output::{Protected, Target};
 use crate::problems::Problems;
 use crate::render::camera::{Camera, Projection};
 use crate::render::frame::{Background, check_size};
 use crate::render::image::Format;
 use crate::source::inputs::{self, Inputs};
-use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use crate::source::placement::PlacementOptions;
+use std::path::PathBuf;
 
 /// Draws.
 pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
@@ -118,7 +117,8 @@ fn outcome(gpu: &Gpu, args: &Args, problems: &Problems) -> anyhow::Result<Outcom
     Ok(if args.strict && problems.failed { Outcome::Incomplete } else { Outcome::Done })
 }
 
-/// One picture a file, all on one grid and in the same colours. What is wrong with one of them does not stop the others.
+/// One picture a file, all with the same cells and in the same colours. What is wrong with one of them does not stop the
+/// others.
 fn each(
     gpu: &Gpu,
     (found, pictures): (&Inputs, &[PathBuf]),
@@ -127,32 +127,26 @@ fn each(
     protected: &Protected,
     problems: &mut Problems,
 ) -> anyhow::Result<()> {
-    let opening = load::open(&found.files, options, problems);
-    say(problems, args);
-    let opening = match opening {
-        Ok(opening) => opening,
-        Err(LoadError::Nothing(_)) => anyhow::bail!("nothing could be drawn"),
+    // What is to be said is said file by file.
+    let all = match load::open(&found.files, options, &mut Problems::default()) {
+        Ok(opening) => Some(opening.about),
+        Err(LoadError::Nothing(_)) => None,
         Err(error) => return Err(usage_of_load(error)),
     };
-    let legend = opening.about.summary.clone();
-    let names: HashMap<&Path, &Path> =
-        found.files.iter().map(PathBuf::as_path).zip(pictures.iter().map(PathBuf::as_path)).collect();
+    let placement = PlacementOptions { known: all.as_ref().map(About::world), ..options.placement.clone() };
+    let cell = all.as_ref().map_or(options.cell, |all| Some(all.cell.into()));
+    let options = LoadOptions { cell, placement, ..options.clone() };
     let (mut drawn, mut usage) = (false, None);
-    for opening in opening.each() {
-        let OpenInput { input, bounds, .. } = &opening.inputs[0];
-        let path = input.file.path().to_owned();
-        if bounds.is_none() {
-            problems.lost(&path);
-            continue;
-        }
-        let Some(output) = names.get(path.as_path()) else { continue };
-        let work = Work { args, output, film: None, protected, legend: Some(&legend) };
+    for (path, output) in found.files.iter().zip(pictures) {
         let said = problems.said();
-        let data = Data::of(opening, (args, work.output), options, problems).map_err(usage_of_load);
+        let work = Work { args, output, film: None, protected, legend: all.as_ref() };
+        let data = load::open(std::slice::from_ref(path), &options, problems)
+            .and_then(|opening| Data::of(opening, (args, output), &options, problems))
+            .map_err(usage_of_load);
         match data.and_then(|data| draw(gpu, data, &work, problems)) {
             Ok(()) => drawn = true,
             // Why nothing is left has been said.
-            Err(error) if error.is::<LoadError>() && problems.said() > said => problems.lost(&path),
+            Err(error) if error.is::<LoadError>() && problems.said() > said => problems.lost(path),
             Err(error) => {
                 problems.error(format!("{}: {error}", path.display()));
                 usage = usage.or(error.downcast::<UsageError>().ok());
