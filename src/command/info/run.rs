@@ -13,6 +13,7 @@ use crate::source::inputs;
 use crate::text::harmless_lines;
 use anyhow::Context;
 use serde::Serialize;
+use std::io::IsTerminal;
 
 /// The page for people on standard output, and all of it where `--json` says, which may take its place.
 fn tell(args: &Args, page: &str, all: &impl Serialize, protected: &Protected) -> anyhow::Result<()> {
@@ -27,12 +28,14 @@ fn tell(args: &Args, page: &str, all: &impl Serialize, protected: &Protected) ->
     }
 }
 
-/// Columns of the terminal, or as many as `COLUMNS` says where standard output is none; otherwise nothing is shortened
-/// for a file or a program that reads it.
+/// Columns of the terminal, or as many as `COLUMNS` says; for a file or a program that reads it, nothing is shortened.
 fn width() -> Option<usize> {
-    let of_terminal = terminal_size::terminal_size_of(std::io::stdout()).map(|(width, _)| width.0.into());
+    /// Of a terminal that does not tell.
+    const USUAL: usize = 80;
+    let out = std::io::stdout();
+    let told = terminal_size::terminal_size_of(&out).map(|(width, _)| width.0.into());
     let said = || std::env::var("COLUMNS").ok()?.trim().parse().ok();
-    of_terminal.or_else(said).filter(|&width| width > 0)
+    told.or_else(said).filter(|&width| width > 0).or(out.is_terminal().then_some(USUAL))
 }
 
 /// Runs `lasray info`. [`Outcome::Incomplete`] where nothing could be read, or an input failed with
