@@ -156,7 +156,7 @@ fn tracing(c: &mut Criterion) {
     let never = AtomicBool::new(false);
     write_tile(&Town::new(1), &tile, &path, Format::Three, false, &never, |_| ()).expect("written");
     let options = LoadOptions {
-        cell: Some(0.5),
+        cell: Some(0.5.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,
         asked: lasray::sample::Asked::default(),

@@ -486,7 +486,7 @@ fn main() -> anyhow::Result<()> {
     println!("{}; commit {COMMIT}", gpu.info());
     let mut problems = Problems::default();
     let options = LoadOptions {
-        cell: Some(CELL),
+        cell: Some(CELL.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,
         asked: lasray::sample::Asked::default(),

@@ -1,6 +1,8 @@
 //! The command line.
 
 use crate::command;
+use crate::source::length::Length;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
 
@@ -16,9 +18,9 @@ pub struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   lasray tiles/                                       the whole folder in a window
-  lasray render tiles/ -o city.png                    the whole folder, framed, in its own colours
-  lasray render tiles/ -o map.png --ortho 0.25        a map from above, with world file
-  lasray render a.laz --orbit 45,20 --hide 3,4,5 -o bare.png
+  lasray render tiles/                                tiles.png: all of it, framed, in its own colours
+  lasray render tiles/ map.png --ortho 25cm           a map from above, with world file
+  lasray render a.laz --orbit 45,20 --hide vegetation -o bare.jpg
   lasray info tiles/ --scan                           what is in the files
   lasray synth town/ --points 20M --tiles 2x2         a town to try things with
 ";
@@ -39,19 +41,92 @@ pub enum Command {
     Synth(command::synth::Args),
 }
 
-/// The words of the command line, with `view` where inputs stand in the place of a command.
+/// The words of the command line, with `view` where inputs stand in the place of a command, and the number behind
+/// `--ortho`, which may be without, joined to it: it takes no input for one.
 pub fn words(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut words: Vec<_> = given.into_iter().collect();
     let is_input = words.get(1).is_some_and(|word| {
         let text = word.to_string_lossy();
         // A command that is misspelt is no file.
         let is_path = text.contains(['/', '\\', '.', '*', '?']) || std::path::Path::new(word).exists();
-        !text.starts_with('-') && (is_path || text.starts_with('@')) && !is_command(&text)
+        let is_free = is_path || text.starts_with('@') || !is_nearly_a_command(&text);
+        !text.starts_with('-') && is_free && !is_command(&text)
     });
     if is_input && cfg!(feature = "view") {
         words.insert(1, "view".into());
     }
+    let end = words.iter().position(|word| word == "--").unwrap_or(words.len());
+    for at in (1..end.saturating_sub(1)).rev() {
+        let is_length = words[at + 1].to_str().is_some_and(Length::is_meant_by);
+        if words[at] == "--ortho" && is_length {
+            let length = words.remove(at + 1);
+            words[at].push("=");
+            words[at].push(length);
+        }
+    }
     words
+}
+
+/// Reads the command line. Tips name what is spelt nearly so, and nothing else.
+pub fn parse(given: impl IntoIterator<Item = OsString>) -> Result<Cli, clap::Error> {
+    Cli::try_parse_from(words(given)).map_err(|mut error| {
+        let kinds = [
+            (ContextKind::InvalidArg, ContextKind::SuggestedArg),
+            (ContextKind::InvalidSubcommand, ContextKind::SuggestedSubcommand),
+            (ContextKind::InvalidValue, ContextKind::SuggestedValue),
+        ];
+        for (wrong, suggested) in kinds {
+            let wrong = strings(error.get(wrong));
+            let tips = strings(error.get(suggested));
+            let near: Vec<String> =
+                tips.iter().filter(|tip| wrong.iter().any(|word| is_near(word, tip))).cloned().collect();
+            if near.len() < tips.len() {
+                error.remove(suggested);
+                // It was made for the tip.
+                error.remove(ContextKind::Usage);
+                if let [first, ..] = &near[..] {
+                    let value = match suggested {
+                        ContextKind::SuggestedSubcommand => ContextValue::Strings(near),
+                        _ => ContextValue::String(first.clone()),
+                    };
+                    error.insert(suggested, value);
+                }
+            }
+        }
+        // That a word may be taken for a value is of no use where it is an option.
+        if error.kind() == ErrorKind::UnknownArgument {
+            error.remove(ContextKind::Suggested);
+        }
+        error
+    })
+}
+
+fn strings(value: Option<&ContextValue>) -> Vec<String> {
+    match value {
+        Some(ContextValue::String(one)) => vec![one.clone()],
+        Some(ContextValue::Strings(all)) => all.clone(),
+        _ => Vec::new(),
+    }
+}
+
+/// Whether one word is the other with a slip of the hand: one letter in three at most.
+fn is_near(word: &str, known: &str) -> bool {
+    let plain =
+        |text: &str| text.trim_start_matches('-').split('=').next().unwrap_or_default().to_lowercase();
+    let (word, known) = (plain(word), plain(known));
+    let most = known.chars().count().max(word.chars().count()) / 3;
+    // A beginning that is long enough is meant, too.
+    let begins = word.len() >= 3 && known.starts_with(&word);
+    begins || strsim::osa_distance(&word, &known) <= most
+}
+
+fn is_nearly_a_command(word: &str) -> bool {
+    let commands = <Cli as clap::CommandFactory>::command();
+    commands
+        .get_subcommands()
+        .map(|command| command.get_name())
+        .chain(["help"])
+        .any(|name| is_near(word, name))
 }
 
 fn is_command(word: &str) -> bool {
@@ -68,12 +143,57 @@ mod tests {
             let words = words(["lasray", word].map(OsString::from));
             (words.len() == 3).then(|| words[1].to_string_lossy().into_owned())
         };
-        for word in ["a.laz", "tiles/", ".", "@list.txt", "*.las", "src"] {
+        for word in ["a.laz", "tiles/", ".", "@list.txt", "*.las", "src", "nosuchfolder", "north", "Daten"] {
             assert_eq!(second(word).as_deref(), Some("view"), "{word}");
         }
-        for word in ["render", "rendre", "--help", "-V", "help", "view", "info"] {
+        for word in ["render", "rendre", "ifno", "bnech", "rend", "--help", "-V", "help", "view", "info"] {
             assert_eq!(second(word), None, "{word}");
         }
         assert_eq!(words([OsString::from("lasray")]).len(), 1);
+    }
+
+    #[test]
+    fn a_number_behind_ortho_is_its_own() {
+        let joined = |line: &str| {
+            let words = words(line.split(' ').map(OsString::from));
+            words.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+        };
+        for (typed, read) in [
+            ("lasray render --ortho tiles/", "lasray render --ortho tiles/"),
+            ("lasray render --ortho 0.25 tiles/", "lasray render --ortho=0.25 tiles/"),
+            ("lasray render tiles/ --ortho 25cm", "lasray render tiles/ --ortho=25cm"),
+            ("lasray render tiles/ --ortho", "lasray render tiles/ --ortho"),
+            ("lasray render tiles/ --ortho -1", "lasray render tiles/ --ortho=-1"),
+            ("lasray render --ortho -o a.png t", "lasray render --ortho -o a.png t"),
+            ("lasray render --ortho 2024.laz", "lasray render --ortho 2024.laz"),
+            ("lasray render -- --ortho 1", "lasray render -- --ortho 1"),
+            ("lasray render --ortho --", "lasray render --ortho --"),
+        ] {
+            assert_eq!(joined(typed), read);
+        }
+    }
+
+    #[test]
+    fn tips_are_near() {
+        let said = |line: &str| {
+            let error = parse(line.split(' ').map(OsString::from)).unwrap_err();
+            error.render().to_string()
+        };
+        for (line, tip) in [
+            ("lasray render a.las --sun 3", None),
+            ("lasray render a.las --wrong", None),
+            ("lasray render a.las --clases 2", Some("--classes")),
+            ("lasray render a.las --otho 2", Some("--ortho")),
+            ("lasray render a.las --back white", Some("--background")),
+            ("lasray render a.las --background wite", Some("white")),
+            ("lasray render a.las --shade dark", None),
+            ("lasray rendre a.las", Some("render")),
+        ] {
+            let said = said(line);
+            match tip {
+                Some(tip) => assert!(said.contains("similar") && said.contains(tip), "{said}"),
+                None => assert!(!said.contains("tip:"), "{said}"),
+            }
+        }
     }
 }

@@ -15,6 +15,7 @@ use crate::section::Columns;
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::Cache;
+use crate::source::length::{Length, NoUnit};
 use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions};
 use crate::source::{LayerMemory, LidarFile, crs::Crs, crs::Unit};
 use crate::synth;
@@ -30,8 +31,8 @@ use std::time::Duration;
 /// What the user decides about reading.
 #[derive(Clone, Debug)]
 pub struct LoadOptions {
-    /// Side of a finest cell, CRS units; `None`: chosen from the data.
-    pub cell: Option<f64>,
+    /// Side of a finest cell; `None`: chosen from the data.
+    pub cell: Option<Length>,
     /// Coordinate systems and units.
     pub placement: PlacementOptions,
     /// 8 or 16: what RGB fields hold, whatever the sample says.
@@ -87,6 +88,9 @@ pub enum LoadError {
         /// Side of a cell, CRS units.
         cell: f64,
     },
+    /// A cell size in a unit, for coordinates in none.
+    #[error("--cell {0}")]
+    NoUnit(NoUnit),
     /// Even the coarsest cells do not fit.
     #[error(
         "the sections do not fit {} of host and {} of device memory at any cell size",
@@ -191,7 +195,12 @@ pub fn bar(total: u64, quiet: bool, template: &str) -> ProgressBar {
 
 /// Opens and reads `paths`. Problems are added even when this fails.
 pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
-    let Opening { inputs, grid, core, about } = open(paths, options, problems)?;
+    read(open(paths, options, problems)?, options, problems)
+}
+
+/// Reads what is open. Problems are added even when this fails.
+pub fn read(opening: Opening, options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
+    let Opening { inputs, grid, core, about } = opening;
     // Sections and decoders share the host's memory.
     let layer_bytes = layer_bytes(options.budget.host_bytes);
     let layers = LayerMemory::new(layer_bytes);
@@ -286,7 +295,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         return Err(LoadError::Nothing("no point is left"));
     };
     let cell = match options.cell {
-        Some(cell) => cell,
+        Some(cell) => cell.in_units(sample.world.unit.as_ref()).map_err(LoadError::NoUnit)?,
         None => auto_cell(sample.cell.cell, &bounds)?,
     };
     check_cell(cell, &bounds)?;
@@ -421,7 +430,8 @@ pub fn tiles_of(
     let ((west, east), (south, north)) = (side(0), side(1));
     // No town is higher.
     let flat = Bounds { min: DVec3::new(west, south, 0.0), max: DVec3::new(east, north, 1000.0) };
-    let cell = options.cell.unwrap_or(0.5);
+    let metre = Unit::metre();
+    let cell = options.cell.unwrap_or(0.5.into()).in_units(Some(&metre)).map_err(LoadError::NoUnit)?;
     let grid = grid(cell, &flat)?;
     let bins = Bins::new(grid, core(cell, &flat), options.budget);
     let progress = ReadProgress::default();
@@ -469,7 +479,7 @@ pub fn tiles_of(
     let bounds =
         Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
     let points = progress.points.into_inner();
-    let unit = Some(Unit::metre());
+    let unit = Some(metre);
     let about = About {
         subject: String::new(),
         bounds,

@@ -1,7 +1,6 @@
 //! `lasray`: parse, run, exit code.
 
-use clap::Parser;
-use lasray::cli::{self, Cli, Command};
+use lasray::cli::{self, Command};
 use lasray::command::{self, Outcome, UsageError};
 use lasray::problems::Problems;
 use lasray::text::harmless_lines;
@@ -14,8 +13,8 @@ const FAILED: u8 = 1;
 const USAGE: u8 = 2;
 
 fn main() -> ExitCode {
-    // Parsing ends the process with code 2 where the words are wrong.
-    let cli = Cli::parse_from(cli::words(std::env::args_os()));
+    // Ends the process where the words are wrong, with code 2, or where help was asked for, with 0.
+    let cli = cli::parse(std::env::args_os()).unwrap_or_else(|error| error.exit());
     let filter = EnvFilter::try_from_env("LASRAY_LOG").unwrap_or_else(|_| EnvFilter::new("error"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
     let problems = &mut Problems::default();
@@ -45,7 +44,7 @@ fn main() -> ExitCode {
         }
     };
     if let Some(count) = problems.count() {
-        let strict = if has_strict && !is_error { "; --strict makes that an error" } else { "" };
+        let strict = if has_strict && !is_error { ", --strict fails on that" } else { "" };
         eprintln!("{count}{strict}");
     }
     ExitCode::from(code)

@@ -4,6 +4,7 @@
 
 use crate::source::inputs::Inputs;
 use crate::source::kinds;
+use std::collections::HashSet;
 use std::ffi::OsString;
 use std::fs::{File, Metadata};
 use std::io::{self, BufWriter, Read, Write};
@@ -52,6 +53,11 @@ pub enum Refusal {
         .0.display()
     )]
     Foreign(PathBuf),
+    /// Nobody typed the name, and what is there has another maker.
+    #[error(
+        "refused: the file there is not of lasray's making: name the picture (-o FILE), or move the file away"
+    )]
+    NotOurs,
     /// A side file that does not belong to the picture.
     #[error("left as it is: the file there was not written with this picture")]
     NotOfPicture,
@@ -92,6 +98,8 @@ pub struct Protected {
     files: Files,
     /// Canonical, and as they are to be shown.
     folders: Vec<(PathBuf, PathBuf)>,
+    /// Names that nobody typed.
+    made_up: HashSet<PathBuf>,
 }
 
 impl Protected {
@@ -109,6 +117,11 @@ impl Protected {
     /// Another file that is read.
     pub fn add(&mut self, path: &Path) {
         self.files.add(path);
+    }
+
+    /// A name that nobody typed: there, only what this program wrote is replaced.
+    pub fn add_made_up(&mut self, target: &Path) {
+        self.made_up.insert(target.to_owned());
     }
 
     /// Whether `target` may be written, as things are now.
@@ -141,6 +154,9 @@ impl Protected {
         }
         if let Some(kind) = kinds::of_data_within(&head) {
             return Err(Refusal::Data(kind.what()));
+        }
+        if self.made_up.contains(target) && !is_ours(&head) {
+            return Err(Refusal::NotOurs);
         }
         if !is_ours(&head)
             && let Ok(whole) = target.canonicalize()
@@ -262,9 +278,10 @@ pub fn is_ours(head: &[u8]) -> bool {
     let is_exr = head.starts_with(b"\x76\x2f\x31\x01")
         && holds(head, b"software\0string\0")
         && holds(head, b"lasray ");
+    let is_jpeg = head.starts_with(b"\xff\xd8\xff") && holds(head, b"Exif\0\0") && holds(head, b"\0lasray ");
     let is_svg = head.starts_with(b"<svg") && holds(head, b"<!-- lasray ");
     let is_json = holds(head, b"\"software\": \"lasray ") || holds(head, b"\"software\":\"lasray ");
-    is_void || is_png || is_exr || is_svg || is_json
+    is_void || is_png || is_jpeg || is_exr || is_svg || is_json
 }
 
 /// A file to be written, and what may be there.

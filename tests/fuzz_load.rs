@@ -30,7 +30,7 @@ const POINTS: usize = 70;
 
 fn check(paths: &[PathBuf], cell: Option<f64>, mix_crs: bool) -> Result<Option<u64>, TestCaseError> {
     let options = LoadOptions {
-        cell,
+        cell: cell.map(Into::into),
         placement: PlacementOptions { mix_crs, ..Default::default() },
         rgb_bits: None,
         asked: lasray::sample::Asked::default(),

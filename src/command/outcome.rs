@@ -16,10 +16,10 @@ pub enum Outcome {
     Incomplete,
 }
 
-/// A cell size that is too small is a wrong argument.
+/// A cell size that is too small, or in a unit that cannot be converted, is a wrong argument.
 pub(super) fn usage_of_load(error: LoadError) -> anyhow::Error {
     match error {
-        LoadError::TooFine { .. } => UsageError(error.to_string()).into(),
+        LoadError::TooFine { .. } | LoadError::NoUnit(_) => UsageError(error.to_string()).into(),
         error => error.into(),
     }
 }

@@ -1,11 +1,25 @@
 //! Values of arguments that several commands take: how they are typed, and which are allowed.
 
-use crate::attribute::ColorMode;
+use crate::attribute::{ColorMode, class_names, classes_named};
+use crate::source::length::Length;
 use glam::DVec3;
 
 /// Side of a cell, or what the data asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Cell(pub(super) Option<f64>);
+pub(super) struct Cell(pub(super) Option<Length>);
+
+/// How much of the world a pixel of parallel rays shows: a length, or as much as a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ortho(pub(super) Option<Length>);
+
+/// A place as typed: E, N, and a height, or how far above what is shown there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Place {
+    /// Where it is.
+    At(DVec3),
+    /// E, N, and units above the shown top of the finest column there.
+    Above([f64; 2], f64),
+}
 
 /// What colours show, or what the data asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,16 +57,32 @@ pub(super) fn fov(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn cell(text: &str) -> Result<Cell, String> {
-    if text == "auto" { Ok(Cell(None)) } else { positive(text).map(|c| Cell(Some(c))) }
+    if text == "auto" { Ok(Cell(None)) } else { text.parse().map(|length| Cell(Some(length))) }
+}
+
+/// What [`Ortho`] is called where it is a cell.
+pub(super) const CELL: &str = "cell";
+
+pub(super) fn ortho(text: &str) -> Result<Ortho, String> {
+    if text == CELL { Ok(Ortho(None)) } else { text.parse().map(|length| Ortho(Some(length))) }
 }
 
 pub(super) fn color(text: &str) -> Result<Color, String> {
-    if text == "auto" {
-        return Ok(Color(None));
-    }
-    let mode = clap::ValueEnum::from_str(text, true);
-    mode.map(|m| Color(Some(m)))
-        .map_err(|_| "possible values: auto, rgb, height, class, intensity, return".to_owned())
+    let mode = match text.to_lowercase().as_str() {
+        "auto" => None,
+        "elevation" | "altitude" | "z" | "u" => Some(ColorMode::Height),
+        "classes" | "classification" => Some(ColorMode::Class),
+        "returns" => Some(ColorMode::Return),
+        "i" => Some(ColorMode::Intensity),
+        name => match clap::ValueEnum::from_str(name, true) {
+            Ok(mode) => Some(mode),
+            Err(_) => {
+                return Err("possible values: auto, rgb, height (or elevation, z), class, intensity, return"
+                    .to_owned());
+            }
+        },
+    };
+    Ok(Color(mode))
 }
 
 fn numbers(text: &str) -> Result<Vec<f64>, String> {
@@ -64,6 +94,14 @@ pub(super) fn vector(text: &str) -> Result<DVec3, String> {
         [e, n, u] => Ok(DVec3::new(e, n, u)),
         _ => Err(format!("'{text}' is not E,N,U")),
     }
+}
+
+/// `E,N,U`, or `E,N,+3`.
+pub(super) fn place(text: &str) -> Result<Place, String> {
+    let DVec3 { x, y, z } =
+        vector(text).map_err(|why| format!("{why}; U may be +3: 3 above what is shown there"))?;
+    let is_above = text.rsplit(',').next().is_some_and(|up| up.trim().starts_with('+'));
+    Ok(if is_above { Place::Above([x, y], z) } else { Place::At(DVec3::new(x, y, z)) })
 }
 
 pub(super) fn orbit(text: &str) -> Result<Orbit, String> {
@@ -86,9 +124,10 @@ pub(super) fn range(text: &str) -> Result<(f64, f64), String> {
     }
 }
 
-pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
+/// `1280x720`.
+pub(super) fn pair(text: &str) -> Result<[u32; 2], String> {
     let side = |s: &str| s.trim().parse::<u32>().ok();
-    let parsed = text.split_once(['x', 'X', '×']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
+    let parsed = text.split_once(['x', 'X', '×', ',']).and_then(|(w, h)| Some([side(w)?, side(h)?]));
     match parsed {
         Some([w, h]) if w > 0 && h > 0 => Ok([w, h]),
         Some(_) => Err("a picture has at least one pixel each way".to_owned()),
@@ -96,17 +135,28 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
+/// A size of a picture: `1280x720`, `1280,720`, or a width alone, which is 16:9.
+pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
+    match text.trim().parse::<u32>() {
+        Ok(0) => Err("a picture has at least one pixel each way".to_owned()),
+        Ok(width) => Ok([width, ((u64::from(width) * 9 + 8) / 16).max(1) as u32]),
+        Err(_) => pair(text).map_err(|why| match why.ends_with("1280x720") {
+            true => format!("{why}, nor a width such as 1280"),
+            false => why,
+        }),
+    }
+}
+
+/// Numbers, ranges and names: `2,6`, `3-5`, `ground,vegetation`.
 pub(super) fn classes(text: &str) -> Result<ClassList, String> {
     let class = |s: &str| {
-        let value: u32 = s
-            .trim()
-            .parse()
-            .map_err(|_| format!("'{s}' is not a class: those are numbers, such as 3,4,5"))?;
+        let value: u32 = s.trim().parse().map_err(|_| format!("'{s}' is not a class"))?;
         u8::try_from(value).map_err(|_| format!("class {value} is out of range: classes are 0 to 255"))
     };
     let mut list = Vec::new();
     for part in text.split(',') {
-        match part.split_once('-') {
+        let is_number = part.trim().starts_with(|c: char| c.is_ascii_digit());
+        match part.split_once('-').filter(|_| is_number) {
             Some((lo, hi)) => {
                 let (lo, hi) = (class(lo)?, class(hi)?);
                 if lo > hi {
@@ -114,7 +164,13 @@ pub(super) fn classes(text: &str) -> Result<ClassList, String> {
                 }
                 list.extend(lo..=hi);
             }
-            None => list.push(class(part)?),
+            None if is_number => list.push(class(part)?),
+            None => {
+                let named = classes_named(part);
+                list.extend(named.ok_or_else(|| {
+                    format!("'{part}' is not a class: those are 0 to 255, or {}", class_names())
+                })?);
+            }
         }
     }
     Ok(ClassList(list))
@@ -155,6 +211,71 @@ pub(super) fn count(text: &str) -> Result<u64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes_are_pairs_or_widths() {
+        for (text, pixels) in [
+            ("800", [800, 450]),
+            ("800x600", [800, 600]),
+            ("800,600", [800, 600]),
+            ("800X600", [800, 600]),
+            (" 640 × 360 ", [640, 360]),
+            ("1", [1, 1]),
+            ("1366", [1366, 768]),
+        ] {
+            assert_eq!(size(text), Ok(pixels), "{text}");
+        }
+        for (text, why) in [
+            ("0", "at least one pixel"),
+            ("0x4", "at least one pixel"),
+            ("-3", "is not WIDTHxHEIGHT"),
+            ("big", "'big' is not WIDTHxHEIGHT such as 1280x720, nor a width"),
+            ("99999999999", "is not WIDTHxHEIGHT"),
+        ] {
+            assert!(size(text).unwrap_err().contains(why), "{text}");
+        }
+        assert!(pair("8").is_err());
+    }
+
+    #[test]
+    fn places_are_absolute_or_above_the_ground() {
+        assert_eq!(place("1,2,3"), Ok(Place::At(DVec3::new(1.0, 2.0, 3.0))));
+        assert_eq!(place("1,2,-3"), Ok(Place::At(DVec3::new(1.0, 2.0, -3.0))));
+        assert_eq!(place("1,2,+3"), Ok(Place::Above([1.0, 2.0], 3.0)));
+        assert_eq!(place("+1,+2, +0"), Ok(Place::Above([1.0, 2.0], 0.0)));
+        assert!(place("1,2").unwrap_err().contains("is not E,N,U; U may be +3"));
+    }
+
+    #[test]
+    fn classes_have_numbers_and_names() {
+        let list = |text: &str| classes(text).map(|list| list.0);
+        assert_eq!(list("2,6"), Ok(vec![2, 6]));
+        assert_eq!(list("3-5, 9"), Ok(vec![3, 4, 5, 9]));
+        assert_eq!(list("Building,ground,low-vegetation,64"), Ok(vec![6, 2, 3, 64]));
+        assert!(
+            list("gorund")
+                .unwrap_err()
+                .starts_with("'gorund' is not a class: those are 0 to 255, or ground (2), ")
+        );
+        assert!(list("2,").unwrap_err().starts_with("'' is not a class"));
+        assert!(list("7-3").unwrap_err().contains("7 is above 3"));
+        assert!(list("256").unwrap_err().contains("out of range"));
+    }
+
+    #[test]
+    fn colours_have_other_names() {
+        for (text, mode) in [
+            ("elevation", ColorMode::Height),
+            ("Z", ColorMode::Height),
+            ("classification", ColorMode::Class),
+            ("returns", ColorMode::Return),
+            ("RGB", ColorMode::Rgb),
+        ] {
+            assert_eq!(color(text), Ok(Color(Some(mode))), "{text}");
+        }
+        assert_eq!(color("auto"), Ok(Color(None)));
+        assert!(color("beige").unwrap_err().contains("elevation"));
+    }
 
     #[test]
     fn counts_with_suffixes() {

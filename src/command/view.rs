@@ -3,9 +3,10 @@
 use super::outcome::{Outcome, UsageError};
 use super::placement::PlacementArgs;
 use super::targets::check_targets;
-use super::values::{self, Cell, ClassList, Color, Orbit};
+use super::values::{self, Cell, ClassList, Color, Orbit, Place};
 use crate::attribute::ClassMask;
 use crate::gpu::{GpuError, GpuOptions};
+use crate::load::LoadError;
 use crate::output::{Protected, Target};
 use crate::problems::Problems;
 use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
@@ -16,7 +17,7 @@ use crate::source::learned::Cache;
 use crate::view;
 use glam::DVec3;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `lasray view`.
 #[derive(Clone, Debug, clap::Args)]
@@ -26,19 +27,20 @@ pub struct Args {
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<OsString>,
 
-    /// Width and height of the window, in the pixels of a screen of usual density
+    /// Width and height of the window, in the pixels of a screen of usual density; a width alone is 16:9
     #[arg(long, default_value = "1280x800", value_parser = values::size, help_heading = "Picture", value_name = "WxH")]
     size: [u32; 2],
     /// Vertical exaggeration
     #[arg(long, default_value_t = 1.0, value_parser = values::positive, help_heading = "Picture")]
     z_scale: f64,
-    /// What colours show: auto (RGB, else classes, else heights), rgb, height, class, intensity or return
-    #[arg(long, default_value = "auto", value_parser = values::color, help_heading = "Picture")]
+    /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity or
+    /// return
+    #[arg(long, visible_alias = "colour", default_value = "auto", value_parser = values::color, help_heading = "Picture")]
     color: Color,
-    /// Show only these classes: 2,6 or 3-5
+    /// Show only these classes: 2,6 or 3-5 or building,ground
     #[arg(long, value_parser = values::classes, help_heading = "Picture", value_name = "LIST")]
     classes: Option<ClassList>,
-    /// Hide these classes (7 and 18, noise, are hidden unless asked for)
+    /// Hide these classes: 3-5 or vegetation (7 and 18, noise, are hidden unless asked for)
     #[arg(long, value_parser = values::classes, help_heading = "Picture", value_name = "LIST")]
     hide: Option<ClassList>,
     /// Show withheld points
@@ -46,10 +48,10 @@ pub struct Args {
     withheld: bool,
 
     /// Where the camera is: E,N,U
-    #[arg(long, value_parser = values::vector, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    #[arg(long, value_parser = in_window, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
     eye: Option<DVec3>,
     /// What it looks at: E,N,U
-    #[arg(long, value_parser = values::vector, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    #[arg(long, value_parser = in_window, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
     target: Option<DVec3>,
     /// Direction of view in degrees: azimuth clockwise from north, elevation (positive looks down), and a
     /// distance if not all of the data is to be framed [default: 0,35]
@@ -71,7 +73,8 @@ pub struct Args {
     #[arg(long, requires = "path", help_heading = "Camera")]
     quit: bool,
 
-    /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), or auto
+    /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), with a unit, 50cm, or
+    /// auto
     #[arg(long, default_value = "auto", value_parser = values::cell, help_heading = "Data")]
     cell: Cell,
     #[command(flatten)]
@@ -103,11 +106,29 @@ pub struct Args {
     log_events: bool,
 }
 
+/// The window has a camera before it has points.
+fn in_window(text: &str) -> Result<DVec3, String> {
+    match values::place(text)? {
+        Place::At(place) => Ok(place),
+        Place::Above(..) => {
+            Err(format!("'{text}': heights above what is shown are for `lasray render` alone"))
+        }
+    }
+}
+
 /// Opens the window.
 pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let usage = |e: &dyn std::fmt::Display| UsageError(e.to_string());
     if let (Some(eye), Some(target)) = (args.eye, args.target) {
         Camera::look_at(eye, target, Projection::default()).map_err(|e| usage(&e))?;
+    }
+    // A window with nothing in it says less than a line.
+    let is_gone =
+        |word: &OsString| !Path::new(word).exists() && !word.to_string_lossy().contains(['@', '*', '?', '[']);
+    if !args.inputs.is_empty() && args.inputs.iter().all(is_gone) {
+        problems.look_at(&inputs::expand(&args.inputs));
+        let _ = problems.finish(true, &mut std::io::stderr().lock());
+        return Err(LoadError::Nothing("no input could be read").into());
     }
     let mut protected = Protected::default();
     if let Some(to) = &args.json {

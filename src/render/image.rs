@@ -28,14 +28,22 @@ pub enum ImageError {
         /// Why.
         reason: String,
     },
+    /// More pixels than the format holds.
+    #[error("{path}: cannot be written: such pictures have at most {most} pixels each way")]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Most pixels each way.
+        most: u32,
+    },
     /// No pixels.
     #[error("{path}: cannot be written: the picture has no pixels")]
     Empty {
         /// The file.
         path: PathBuf,
     },
-    /// Neither PNG nor EXR.
-    #[error("{path}: pictures are written as .png or .exr")]
+    /// None of the formats that are written.
+    #[error("{path}: pictures are written as .png, .jpg or .exr")]
     Extension {
         /// The file.
         path: PathBuf,
@@ -95,12 +103,29 @@ impl Image {
         }
     }
 
-    /// Writes PNG or EXR, by the extension of its name; `alpha` (of a PNG) as in [`Image::write_png`].
+    /// Writes PNG, JPEG or EXR, by the extension of its name; `alpha` (of a PNG) as in [`Image::write_png`].
     pub fn write(&self, output: Output, alpha: bool, notes: &[Note]) -> Result<(), ImageError> {
         match Format::of(output.path())? {
             Format::Png => self.write_png(output, alpha, notes),
+            Format::Jpeg => self.write_jpeg(output, notes),
             Format::Exr => self.write_exr(output, notes),
         }
+    }
+
+    /// Writes 8-bit sRGB, lossy; the notes stand in its Exif, as description.
+    pub fn write_jpeg(&self, output: Output, notes: &[Note]) -> Result<(), ImageError> {
+        self.check(output.path())?;
+        let side = |pixels: u32| u16::try_from(pixels).map_err(|_| Format::Jpeg.too_large(output.path()));
+        let (width, height) = (side(self.width)?, side(self.height)?);
+        whole(output, |out| {
+            let mut encoder = jpeg_encoder::Encoder::new(out, JPEG_QUALITY);
+            // Edges between colours stay as sharp as those between light and dark.
+            encoder.set_sampling_factor(jpeg_encoder::SamplingFactor::F_1_1);
+            encoder.add_exif_metadata(&exif_of(notes)?)?;
+            let pixels: Vec<u8> =
+                self.color.iter().flat_map(|&pixel| encode(pixel, false).into_iter().take(3)).collect();
+            Ok(encoder.encode(&pixels, width, height, jpeg_encoder::ColorType::Rgb)?)
+        })
     }
 
     /// Writes 8-bit sRGB; with `alpha` (not premultiplied) for images without background, else the
@@ -191,6 +216,8 @@ impl Image {
 pub enum Format {
     /// 8-bit sRGB.
     Png,
+    /// The same, lossy.
+    Jpeg,
     /// Colours and measured values in full.
     Exr,
 }
@@ -201,12 +228,58 @@ impl Format {
         let is = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
         if is("png") {
             Ok(Format::Png)
+        } else if is("jpg") || is("jpeg") {
+            Ok(Format::Jpeg)
         } else if is("exr") {
             Ok(Format::Exr)
         } else {
             Err(ImageError::Extension { path: path.to_owned() })
         }
     }
+
+    /// Extension of the world file that stands beside a map.
+    pub fn world_extension(self) -> &'static str {
+        match self {
+            Format::Png => "pgw",
+            Format::Jpeg => "jgw",
+            Format::Exr => "wld",
+        }
+    }
+
+    /// Most pixels each way.
+    pub fn most_pixels(self) -> u32 {
+        match self {
+            Format::Jpeg => u16::MAX.into(),
+            Format::Png | Format::Exr => i32::MAX as u32,
+        }
+    }
+
+    /// A picture of more pixels than the format holds.
+    pub fn too_large(self, path: &Path) -> ImageError {
+        ImageError::TooLarge { path: path.to_owned(), most: self.most_pixels() }
+    }
+}
+
+/// Visually lossless, with smooth skies.
+const JPEG_QUALITY: u8 = 92;
+
+/// Who wrote it, and the notes, one a line, as Exif.
+fn exif_of(notes: &[Note]) -> Result<Vec<u8>, exif::Error> {
+    let field = |tag, text: String| exif::Field {
+        tag,
+        ifd_num: exif::In::PRIMARY,
+        value: exif::Value::Ascii(vec![text.into_bytes()]),
+    };
+    let notes: Vec<_> = notes.iter().map(|(key, value)| format!("{key}: {value}")).collect();
+    let fields = [
+        field(exif::Tag::ImageDescription, notes.join("\n")),
+        field(exif::Tag::Software, SOFTWARE.to_owned()),
+    ];
+    let mut writer = exif::experimental::Writer::new();
+    fields.iter().for_each(|field| writer.push_field(field));
+    let mut bytes = io::Cursor::new(Vec::new());
+    writer.write(&mut bytes, true)?;
+    Ok(bytes.into_inner())
 }
 
 /// Premultiplied linear → 8-bit sRGB; not premultiplied when `alpha` is kept.
@@ -228,6 +301,18 @@ impl From<io::Error> for Reason {
 
 impl From<png::EncodingError> for Reason {
     fn from(e: png::EncodingError) -> Reason {
+        Reason(e.to_string())
+    }
+}
+
+impl From<jpeg_encoder::EncodingError> for Reason {
+    fn from(e: jpeg_encoder::EncodingError) -> Reason {
+        Reason(e.to_string())
+    }
+}
+
+impl From<exif::Error> for Reason {
+    fn from(e: exif::Error) -> Reason {
         Reason(e.to_string())
     }
 }
@@ -333,6 +418,39 @@ mod tests {
     }
 
     #[test]
+    fn jpeg_is_near_and_says_who_wrote_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.JPG");
+        let mut image = Image::new([64, 32]);
+        let v = srgb_to_linear(200.0 / 255.0);
+        image.color.iter_mut().for_each(|pixel| *pixel = [v, 0.0, v, 1.0]);
+        let notes = [("Eye", "1,2,3"), ("Input", "größe.laz"), ("Beside", "jgw=00ff")];
+        image.write(Output::fresh(&path), false, &notes).unwrap();
+        let bytes = fs::read(&path).unwrap();
+        assert!(crate::output::is_ours(&bytes));
+        let exif = exif::Reader::new().read_from_container(&mut io::Cursor::new(&bytes)).unwrap();
+        let text = |tag| match &exif.get_field(tag, exif::In::PRIMARY).unwrap().value {
+            exif::Value::Ascii(lines) => String::from_utf8(lines.concat()).unwrap(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(text(exif::Tag::Software), SOFTWARE);
+        assert_eq!(text(exif::Tag::ImageDescription), "Eye: 1,2,3\nInput: größe.laz\nBeside: jgw=00ff");
+        let mut decoder = jpeg_decoder::Decoder::new(io::Cursor::new(bytes));
+        let pixels = decoder.decode().unwrap();
+        let info = decoder.info().unwrap();
+        assert_eq!((info.width, info.height), (64, 32));
+        for pixel in pixels.chunks(3) {
+            assert!(pixel.iter().zip([200u8, 0, 200]).all(|(a, b)| a.abs_diff(b) <= 3), "{pixel:?}");
+        }
+        // What no JPEG holds is refused, and nothing is left behind.
+        let wide = Image::new([70_000, 1]);
+        let said =
+            wide.write(Output::fresh(&path.with_extension("jpeg")), false, &[]).unwrap_err().to_string();
+        assert!(said.ends_with("at most 65535 pixels each way"), "{said}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
     fn png_alpha_is_not_premultiplied() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.png");
@@ -358,8 +476,8 @@ mod tests {
                 lost.parent().unwrap().display()
             )
         );
-        assert!(message(Path::new("a.jpg")).contains("a.jpg: pictures are written as .png or .exr"));
-        assert!(message(Path::new("png")).contains(".png or .exr"));
+        assert!(message(Path::new("a.bmp")).contains("a.bmp: pictures are written as .png, .jpg or .exr"));
+        assert!(message(Path::new("png")).contains(".png, .jpg or .exr"));
         // An encoder that refuses leaves nothing behind.
         let path = folder.path().join("a.png");
         assert!(Image::new([0, 5]).write(Output::fresh(&path), false, &[]).is_err());

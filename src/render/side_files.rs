@@ -54,7 +54,7 @@ impl WorldFile {
     }
 }
 
-/// The files beside an image that say where it lies: a world file (`.pgw` for a PNG, `.wld` for others) and the CRS
+/// The files beside an image that say where it lies: a world file (`.pgw` for a PNG, `.jgw` for a JPEG, `.wld` for an EXR) and the CRS
 /// as WKT (`.prj`).
 ///
 /// Others have files of such names, too: `tile.prj` may belong to `tile.laz`. One that is there is replaced only
@@ -107,11 +107,9 @@ impl SideFile {
 impl SideFiles {
     /// Of the image that is about to be written to `image`: a map with `world`, or none. Looks at what lies there.
     pub fn new(image: &Path, world: Option<&WorldFile>, wkt: Option<&str>) -> SideFiles {
-        let is_png = Format::of(image).is_ok_and(|f| f == Format::Png);
-        let texts = [
-            (if is_png { "pgw" } else { "wld" }, world.map(WorldFile::text)),
-            ("prj", world.and(wkt).map(str::to_owned)),
-        ];
+        let world_extension = Format::of(image).map_or("wld", Format::world_extension);
+        let texts =
+            [(world_extension, world.map(WorldFile::text)), ("prj", world.and(wkt).map(str::to_owned))];
         let head = output::head(image).ok().filter(|head| output::is_ours(head)).unwrap_or_default();
         let files = texts.map(|(extension, text)| {
             let mut file = SideFile { path: image.with_extension(extension), text, ours: None };
@@ -185,7 +183,11 @@ mod tests {
             Camera::orbit(center, angles, 500.0, projection).unwrap().basis([400, 200]).unwrap()
         };
         let world = WorldFile::of(&view([0.0, 90.0], map)).unwrap();
-        for (name, beside) in [("top view.png", "top view.pgw"), ("top view.exr", "top view.wld")] {
+        for (name, beside) in [
+            ("top view.png", "top view.pgw"),
+            ("top view.jpg", "top view.jgw"),
+            ("top view.exr", "top view.wld"),
+        ] {
             let side = SideFiles::new(&folder.path().join(name), Some(&world), Some("PROJCS[…]"));
             assert_eq!(side.write(&Protected::default()), [""; 0]);
             let path = folder.path().join(beside);
@@ -214,7 +216,7 @@ mod tests {
             image.write(Output::over(&path, &nothing), false, &[("Beside", &note)]).unwrap();
             files.write(&nothing)
         };
-        for (name, world) in [("map.png", "map.pgw"), ("sea.exr", "sea.wld")] {
+        for (name, world) in [("map.png", "map.pgw"), ("bay.jpeg", "bay.jgw"), ("sea.exr", "sea.wld")] {
             let prj = format!("{}.prj", &name[..3]);
             fs::write(at(&prj), "of another program").unwrap();
             for side in [1.0, 2.0, 0.25] {

@@ -62,10 +62,12 @@ pub struct Sample {
     /// Of the points that were asked for (where there are none of them, of those shown by default, or of all); counts are
     /// estimates unless `whole`.
     pub attributes: AttributeSummary,
-    /// Points of each class, hidden ones included; estimates unless `whole`.
+    /// Points of each class, hidden ones included; estimates unless `counted`.
     pub classes: Box<[u64; 256]>,
     /// Kinds of points that were seen, hidden ones included.
     pub kinds: Kinds,
+    /// Every point was looked at, and none could not be read.
+    pub counted: bool,
     /// Where the points are that are shown by default, strays aside; `None` for no points.
     pub bounds: Option<Bounds>,
     /// What is framed of those that were asked for; `None` for no points.
@@ -161,9 +163,11 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     };
     let patches = ground::patches(&places, &seen, &ground);
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
+    let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,
-        sampled: sample.points.iter().map(Vec::len).sum::<usize>() as u64,
+        sampled,
+        counted: whole && sampled == points,
         whole,
         cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
         attributes: summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file))),

@@ -24,6 +24,7 @@ mod laszip;
 pub mod lax;
 mod layers;
 pub mod learned;
+pub mod length;
 pub mod placement;
 mod points;
 pub mod reproject;

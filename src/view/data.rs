@@ -19,6 +19,7 @@ use crate::resident::visibility::Visibility;
 use crate::resident::visibility::why_hidden;
 use crate::source::inputs;
 use crate::source::learned::Cache;
+use crate::source::length::Length;
 use crate::source::placement::PlacementOptions;
 use crate::text::harmless;
 use crossbeam_channel::Receiver;
@@ -40,8 +41,8 @@ const COUNT_EVERY: Duration = Duration::from_millis(100);
 /// What the user decides about reading.
 #[derive(Clone, Debug)]
 pub struct ReadOptions {
-    /// Side of a finest cell, CRS units; `None`: chosen from the data.
-    pub cell: Option<f64>,
+    /// Side of a finest cell; `None`: chosen from the data.
+    pub cell: Option<Length>,
     /// Coordinate systems and units.
     pub placement: PlacementOptions,
     /// 8 or 16: what RGB fields hold, whatever the sample says.

@@ -102,7 +102,7 @@ pub fn command(
         option("z-scale", tidy(settings.z_scale));
     }
     if let Some(cell) = opened.cell {
-        option("cell", tidy(cell));
+        option("cell", cell.to_string());
     }
     if let Some(code) = opened.placement.crs.as_ref().and_then(|crs| crs.epsg) {
         option("crs", format!("EPSG:{code}"));

@@ -66,7 +66,7 @@ impl Data {
     /// Reads `paths` into cells of `cell` units (`None`: as chosen).
     pub fn load(paths: &[PathBuf], cell: Option<f64>) -> Data {
         let options = LoadOptions {
-            cell,
+            cell: cell.map(Into::into),
             placement: PlacementOptions::default(),
             rgb_bits: None,
             asked: sample::Asked::default(),

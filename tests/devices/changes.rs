@@ -31,7 +31,7 @@ struct Seen {
 impl Seen {
     fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
         let options = view::data::ReadOptions {
-            cell: Some(0.25),
+            cell: Some(0.25.into()),
             placement: PlacementOptions::default(),
             rgb_bits: None,
             host_bytes: 1 << 30,

@@ -42,7 +42,7 @@ pub(super) fn tiles(folder: &Path) -> Vec<PathBuf> {
 
 pub(super) fn options() -> LoadOptions {
     LoadOptions {
-        cell: Some(CELL),
+        cell: Some(CELL.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,
         asked: lasray::sample::Asked::default(),
@@ -103,7 +103,7 @@ impl World {
         access: Access,
         visibility: Visibility,
     ) -> World {
-        let options = LoadOptions { cell: Some(cell), ..options() };
+        let options = LoadOptions { cell: Some(cell.into()), ..options() };
         let opening = load::open(paths, &options, &mut Problems::default()).unwrap();
         World::of(gpu, opening, means, access, visibility)
     }

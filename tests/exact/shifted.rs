@@ -78,7 +78,7 @@ fn a_shifted_scene_gives_the_same_picture_bit_by_bit() {
             ("lit, from a place", &[], true),
             ("exact, from a place", &["--shade", "none", "--cell", "0.25"], true),
             ("exaggerated", &["--z-scale", "2", "--orbit", "230,20", "--color", "height"], false),
-            ("a map", &["--ortho", "0.7", "--shade", "none", "--color", "class"], false),
+            ("a map", &["--ortho", "0.5", "--shade", "none", "--color", "class"], false),
             ("from afar", &["--orbit", "40,20,50000", "--fov", "0.3"], false),
         ];
         for (name, arguments, placed) in cases {

@@ -124,7 +124,7 @@ fn victims(folder: &Path) -> Vec<String> {
     file("index.lax", b"LASX");
     // What is no point cloud by its bytes, and none by its name.
     file("cloud", b"not LAS");
-    for extension in ["png", "exr", "json", "svg"] {
+    for extension in ["png", "jpg", "exr", "json", "svg"] {
         fs::write(at(&format!("cloud.{extension}")), las(20)).unwrap();
         fs::hard_link(at("good.las"), at(&format!("hard.{extension}"))).unwrap();
         names.extend([
@@ -168,7 +168,7 @@ fn no_option_writes_over_data() {
             assert_eq!((ran.code, ran.printed.as_str()), (Some(code), ""), "{what}");
             assert!(ran.said.contains(victim.as_str()), "{what}");
             assert!(!ran.said.contains("panicked"), "{what}");
-            let says = ["refused: ", "pictures are written as .png or .exr", "cannot make the folder"];
+            let says = ["refused: ", "pictures are written as .png, .jpg or .exr", "cannot make the folder"];
             assert!(says.iter().any(|says| ran.said.contains(says)), "{what}");
             let after = bytes_of(folder.path());
             assert!(after == before, "{what}: {:?}", after.keys().collect::<Vec<_>>());
@@ -350,7 +350,7 @@ fn the_last_line_counts_what_is_missing() {
     }
     (0..9).for_each(|k| fs::write(at(&format!("in/empty{k}.las")), "").unwrap());
     fs::write(at("in/cut.las"), &las(300)[..9000]).unwrap();
-    let hint = "; --strict makes that an error";
+    let hint = ", --strict fails on that";
     let cases = [
         ("render in gone.las -o a.png --size 32x18", 0, format!("11 of 13 inputs left out or failed{hint}")),
         (

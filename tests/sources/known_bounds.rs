@@ -372,7 +372,7 @@ fn opening_sees_what_is_wrong() {
     let paths = [file.path().to_owned()];
     let cache = Cache::at(folder.path().join("kept"));
     let options = LoadOptions {
-        cell: Some(0.5),
+        cell: Some(0.5.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,
         asked: lasray::sample::Asked::default(),

@@ -2,7 +2,7 @@
 
 use crate::bench::thesis::Config;
 use crate::command::placement::PlacementArgs;
-use crate::command::values::{bytes, count, positive, size};
+use crate::command::values::{bytes, count, pair, positive, size};
 use crate::ingest::bins::Budget;
 use crate::load::{self, LoadOptions};
 use crate::output::Target;
@@ -59,7 +59,7 @@ pub struct Args {
     pub(super) size: Option<[u32; 2]>,
     /// Pixels a workgroup of the thesis' pipeline covers: an upright strip [default: the fastest of 1x64, 8x32 and 8x8,
     /// by a short run]
-    #[arg(long, value_parser = size, help_heading = "Frames", value_name = "WxH")]
+    #[arg(long, value_parser = pair, help_heading = "Frames", value_name = "WxH")]
     pub(super) strip: Option<[u32; 2]>,
 
     /// Numbers of threads that read, `all`: one a core [default: --ingest 1,all, --load all]
@@ -125,7 +125,7 @@ impl Args {
     /// The options of reading.
     pub(super) fn load_options(&self) -> LoadOptions {
         LoadOptions {
-            cell: Some(self.cell),
+            cell: Some(self.cell.into()),
             placement: self.placement.options(),
             rgb_bits: None,
             asked: Asked::default(),

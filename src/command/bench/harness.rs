@@ -26,7 +26,7 @@ fn world(
     [cell, widest]: [f64; 2],
     problems: &mut Problems,
 ) -> anyhow::Result<(World, Fit)> {
-    let options = LoadOptions { cell: Some(cell), ..args.load_options() };
+    let options = LoadOptions { cell: Some(cell.into()), ..args.load_options() };
     let loaded = if args.inputs.is_empty() {
         let points = args.points.unwrap_or(TOWN_POINTS);
         world::town(args.seed, points, [args.cell, widest], &options, problems)

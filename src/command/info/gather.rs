@@ -1,6 +1,7 @@
 //! Gathers the report: opens the files, takes the opening sample, scans them where that is asked for.
 
 use super::args::Args;
+use super::classes::ClassCount;
 use super::report::{FileReport, InfoReport, Total};
 use super::scan::{self, Scan};
 use crate::attribute::ColorMode;
@@ -97,6 +98,7 @@ fn of_file(index: usize, opened: &Opened, sample: &Sample) -> FileReport {
         rgb,
         transformed: sample.world.placements[index].as_ref().is_some_and(Placement::is_transformed),
         rgb_constant: sample.files[index].rgb_constant,
+        is_sampled: !sample.whole,
         left_out: sample.world.placements[index].is_none() && file.points() > 0,
         unreadable: file.points() < header.claimed_points,
         warnings: warnings
@@ -128,6 +130,10 @@ fn total(sample: &Sample, reports: &[FileReport]) -> Total {
         scan.damage.clear();
     }
     let finest = drawn.clone().filter(|report| !report.transformed).map(|report| report.decimals);
+    let (classes, classes_counted) = match &scan {
+        Some(scan) => (ClassCount::all(&scan.classes), true),
+        None => (ClassCount::all(&*sample.classes), sample.counted),
+    };
     Total {
         files: drawn.clone().count(),
         points: sample.points,
@@ -146,6 +152,8 @@ fn total(sample: &Sample, reports: &[FileReport]) -> Total {
         height_p2_p98: [attributes.height.p2, attributes.height.p98],
         intensity_p2_p98: [attributes.intensity.p2, attributes.intensity.p98],
         sampled: sample.sampled,
+        classes,
+        classes_counted,
         notes: sample
             .world
             .notes
@@ -217,7 +225,7 @@ mod tests {
         assert_eq!((all.files, all.points, all.color), (2, 50_000, "rgb"));
         let scan = all.scan.as_ref().unwrap();
         assert_eq!(scan.points, 50_000);
-        assert_eq!(scan.seen_classes().map(|(_, count)| count).sum::<u64>(), 50_000);
+        assert_eq!(scan.classes.iter().sum::<u64>(), 50_000);
         let (bounds, frame) = (scan.bounds.unwrap(), all.bounds.unwrap());
         for axis in 0..2 {
             assert!((bounds.min[axis] - frame.min[axis]).abs() < 0.01, "{bounds:?} {frame:?}");
@@ -225,7 +233,7 @@ mod tests {
         }
         assert!((5.0..25.0).contains(&all.density), "{}", all.density);
 
-        let page = text::page(&report);
+        let page = text::page(&report, None);
         for part in ["all 2 files", "point format 7, LAZ", "points       30,000 in 1 chunk"] {
             assert!(page.contains(part), "{part} is not in\n{page}");
         }
@@ -250,6 +258,6 @@ mod tests {
         assert!(file.scan.as_ref().unwrap().points <= 60_000);
         assert_eq!(file.is_damaged(), file.scan.as_ref().unwrap().points < 60_000);
         assert_eq!(file.scan.as_ref().unwrap().damage.is_empty(), !file.is_damaged());
-        assert!(text::page(&report).contains("scanned"));
+        assert!(text::page(&report, None).contains("scanned"));
     }
 }

@@ -1,5 +1,6 @@
 //! Everything that `lasray info` tells of files: what is printed, and what is written as JSON.
 
+use super::classes::ClassCount;
 use super::ranges::Box3;
 use super::scan::Scan;
 use crate::source::crs::{Crs, CrsKind, Unit};
@@ -47,6 +48,9 @@ pub(super) struct FileReport {
     pub rgb_constant: Option<[u16; 3]>,
     /// Its coordinate system is transformed into that of all.
     pub transformed: bool,
+    /// Some of its points were not looked at.
+    #[serde(skip)]
+    pub is_sampled: bool,
     /// It is not drawn, since there is no way from its coordinate system into that of all.
     pub left_out: bool,
     /// A part of it could not be read.
@@ -89,8 +93,12 @@ pub(super) struct Total {
     /// Percentiles 2 and 98 of shown points.
     pub height_p2_p98: [f64; 2],
     pub intensity_p2_p98: [f64; 2],
-    /// Points that density, cell and colour rest on.
+    /// Points that density, cell and colour rest on, and classes unless they were counted.
     pub sampled: u64,
+    /// Classes that were seen, by number.
+    pub classes: Vec<ClassCount>,
+    /// Their points were counted, every one; otherwise they are estimates, and rare classes may be missing.
+    pub classes_counted: bool,
     pub notes: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scan: Option<Scan>,

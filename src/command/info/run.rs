@@ -13,6 +13,7 @@ use crate::source::inputs;
 use crate::text::harmless_lines;
 use anyhow::Context;
 use serde::Serialize;
+use std::io::IsTerminal;
 
 /// The page for people on standard output, and all of it where `--json` says, which may take its place.
 fn tell(args: &Args, page: &str, all: &impl Serialize, protected: &Protected) -> anyhow::Result<()> {
@@ -25,6 +26,16 @@ fn tell(args: &Args, page: &str, all: &impl Serialize, protected: &Protected) ->
         // Nothing that a terminal obeys, wherever it came from.
         _ => print(&harmless_lines(page)).context("cannot write to standard output"),
     }
+}
+
+/// Columns of the terminal, or as many as `COLUMNS` says; for a file or a program that reads it, nothing is shortened.
+fn width() -> Option<usize> {
+    /// Of a terminal that does not tell.
+    const USUAL: usize = 80;
+    let out = std::io::stdout();
+    let told = terminal_size::terminal_size_of(&out).map(|(width, _)| width.0.into());
+    let said = || std::env::var("COLUMNS").ok()?.trim().parse().ok();
+    told.or_else(said).filter(|&width| width > 0).or(out.is_terminal().then_some(USUAL))
 }
 
 /// Runs `lasray info`. [`Outcome::Incomplete`] where nothing could be read, or an input failed with
@@ -43,7 +54,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let report = gather(&args, &found, problems);
     // A closed stderr is nothing to stop for.
     let _ = problems.finish(false, &mut std::io::stderr().lock());
-    tell(&args, &text::page(&report), &Signed::new(&report), &protected)?;
+    tell(&args, &text::page(&report, width()), &Signed::new(&report), &protected)?;
     let failed = args.strict && problems.failed;
     Ok(if failed || report.files.is_empty() { Outcome::Incomplete } else { Outcome::Done })
 }

@@ -1,7 +1,7 @@
 //! What only reading every point tells.
 
+use super::classes::ClassCount;
 use super::ranges::{Box3, Range};
-use crate::attribute::class_name;
 use crate::sample::{Opened, parallel};
 use crate::source::{FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, LidarFile, PointBlock};
 use crate::text::harmless;
@@ -53,11 +53,6 @@ impl Default for Scan {
 }
 
 impl Scan {
-    /// Classes that occur, with their points.
-    pub fn seen_classes(&self) -> impl Iterator<Item = (u8, u64)> {
-        (0..=255u8).map(|class| (class, self.classes[usize::from(class)])).filter(|(_, count)| *count > 0)
-    }
-
     /// Adds the points of another file.
     pub fn merge(&mut self, other: &Scan) {
         self.points += other.points;
@@ -119,18 +114,7 @@ impl Scan {
 
 /// Classes that occur: number, name, points.
 fn named<S: Serializer>(classes: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
-    #[derive(Serialize)]
-    struct Class {
-        class: usize,
-        name: &'static str,
-        points: u64,
-    }
-    let seen = classes.iter().enumerate().filter(|(_, points)| **points > 0);
-    serializer.collect_seq(seen.map(|(class, &points)| Class {
-        class,
-        name: class_name(class as u8),
-        points,
-    }))
+    serializer.collect_seq(ClassCount::all(classes))
 }
 
 /// Scans on all cores, chunk by chunk; results in the order of `files`.

@@ -1,9 +1,11 @@
 //! The report as a page of text.
 
+use super::classes::ClassCount;
+use super::numbers::{fixed, number, rounded, significant};
 use super::ranges::{Box3, Range};
 use super::report::{CrsReport, FileReport, InfoReport, Total};
 use super::scan::Scan;
-use crate::attribute::class_name;
+use super::table::{table, wrapped};
 use crate::source::crs::{CrsKind, Unit};
 use std::fmt::Write;
 
@@ -12,11 +14,12 @@ const BLOCKS: usize = 3;
 /// Width of the names on the left.
 const NAMES: usize = 11;
 
-/// The whole page.
-pub fn page(report: &InfoReport) -> String {
-    let (mut page, files, all) = (String::new(), &report.files, &report.all);
+/// The whole page, in lines of at most `width` columns where that is given.
+pub fn page(report: &InfoReport, width: Option<usize>) -> String {
+    let (files, all) = (&report.files, &report.all);
+    let mut page = Page { text: String::new(), width };
     if files.len() > BLOCKS {
-        table(&mut page, files);
+        page.text = table(files, width);
     } else {
         for file in files {
             let mut rows = file_rows(file);
@@ -35,21 +38,42 @@ pub fn page(report: &InfoReport) -> String {
             if let Some(scan) = &file.scan {
                 rows.extend(scan_rows(scan, file.decimals, units(file.crs.as_ref())));
             }
-            block(&mut page, &file.path, &rows);
+            page.block(&file.path, &rows);
         }
     }
     if let [_] = files[..] {
         let notes: Vec<Row> = all.notes.iter().map(|note| row("note", note.clone())).collect();
-        rows(&mut page, &notes);
+        page.rows(&notes);
     } else if !files.is_empty() {
         let title = match all.files == files.len() {
             true => format!("all {}", count(all.files, "file")),
             false => format!("{} of {}", number(all.files as u64), count(files.len(), "file")),
         };
-        page.push('\n');
-        block(&mut page, &title, &total_rows(all));
+        page.text.push('\n');
+        page.block(&title, &total_rows(all));
     }
-    page
+    page.text
+}
+
+struct Page {
+    text: String,
+    width: Option<usize>,
+}
+
+impl Page {
+    /// Names on the left, values on the right.
+    fn block(&mut self, title: &str, content: &[Row]) {
+        let _ = writeln!(self.text, "{title}");
+        self.rows(content);
+    }
+
+    fn rows(&mut self, content: &[Row]) {
+        for (name, value) in content {
+            let first = format!("  {name:NAMES$}  ");
+            let indent = " ".repeat(first.len());
+            let _ = writeln!(self.text, "{}", wrapped(value.trim_end(), &first, &indent, self.width));
+        }
+    }
 }
 
 type Row = (&'static str, String);
@@ -75,15 +99,29 @@ fn file_rows(file: &FileReport) -> Vec<Row> {
         None => rows.push(row("bounds", "none in the header".into())),
     }
     rows.push(row("system", system(file.crs.as_ref())));
-    let colour = match file.rgb {
-        "absent" => "none in this point format",
-        "none" => "none: RGB is 0, 0, 0 everywhere",
-        depth => depth,
-    };
-    let everywhere =
-        file.rgb_constant.map_or(String::new(), |[r, g, b]| format!(", {r}, {g}, {b} everywhere"));
-    rows.push(row("colour", format!("{colour}{everywhere}")));
+    rows.push(row("colour", colour(file)));
     rows
+}
+
+/// What the RGB fields hold; a scan knows better than the sample.
+fn colour(file: &FileReport) -> String {
+    let everywhere =
+        if file.is_sampled && file.scan.is_none() { "in all points of a sample" } else { "everywhere" };
+    let one = |[r, g, b]: [u16; 3]| format!("{r}, {g}, {b} {everywhere}");
+    let scanned = file.scan.as_ref().and_then(|scan| scan.rgb);
+    let constant = match (file.rgb, scanned) {
+        ("absent", _) => return "none in this point format".into(),
+        ("none", Some(ranges)) if ranges.iter().any(|range| range.max > 0) => {
+            return "none but in few points, which a sample has not met".into();
+        }
+        ("none", _) => return format!("none: RGB is {}", one([0; 3])),
+        (_, Some(ranges)) => {
+            ranges.iter().all(|range| range.min == range.max).then(|| ranges.map(|range| range.min))
+        }
+        (_, None) => file.rgb_constant,
+    };
+    let constant = constant.map_or(String::new(), |rgb| format!(", {}", one(rgb)));
+    format!("{}{constant}", file.rgb)
 }
 
 fn total_rows(all: &Total) -> Vec<Row> {
@@ -111,11 +149,16 @@ fn drawing_rows(all: &Total) -> Vec<Row> {
     } else {
         format!(", from {} points", number(all.sampled))
     };
-    vec![
+    let mut rows = vec![
         row("density", format!("{} points per {square}{seen}", significant(all.density))),
         row(
             "cell size",
-            format!("{} {unit}, {:.0} % of the cells hold a point", all.cell, 100.0 * all.coverage),
+            format!(
+                "{} {unit}, {}{:.0} % of the cells hold a point",
+                all.cell,
+                if seen.is_empty() { "" } else { "about " },
+                100.0 * all.coverage
+            ),
         ),
         row(
             "height step",
@@ -123,7 +166,30 @@ fn drawing_rows(all: &Total) -> Vec<Row> {
                 .map_or("none: heights are too far from 0".into(), |step| format!("{step} {unit}")),
         ),
         row("coloured by", all.color.into()),
-    ]
+    ];
+    if all.scan.is_none() {
+        rows.extend(class_rows(&all.classes, all.points, (!all.classes_counted).then_some(all.sampled)));
+    }
+    rows
+}
+
+/// Classes with their points, of `all`; `sampled`: they are estimates from so many.
+fn class_rows(classes: &[ClassCount], all: u64, sampled: Option<u64>) -> Vec<Row> {
+    let about = if sampled.is_some() { "~" } else { "" };
+    let points = |class: &ClassCount| {
+        let points = if sampled.is_some() { rounded(class.points) } else { class.points };
+        format!("{about}{}", number(points))
+    };
+    let width = classes.iter().map(|class| points(class).len()).max().unwrap_or_default();
+    let mut lines: Vec<String> = Vec::new();
+    lines.extend(sampled.map(|sampled| {
+        format!("estimates, from {} points; rare ones may be missing: --scan counts", number(sampled))
+    }));
+    lines.extend(classes.iter().map(|class| {
+        let share = 100.0 * class.points as f64 / all.max(1) as f64;
+        format!("{:>3} {:>width$} {share:>5.1} %  {}", class.class, points(class), class.name)
+    }));
+    lines.into_iter().enumerate().map(|(at, line)| row(if at == 0 { "classes" } else { "" }, line)).collect()
 }
 
 fn bounds_rows(bounds: &Box3, decimals: [usize; 3], units: [&str; 3]) -> Vec<Row> {
@@ -177,78 +243,9 @@ fn scan_rows(scan: &Scan, decimals: [usize; 3], units: [&str; 3]) -> Vec<Row> {
         let set: Vec<String> = set.map(|(name, count)| format!("{} {name}", number(*count))).collect();
         rows.push(row("flags", if set.is_empty() { "none set".into() } else { set.join(", ") }));
     }
-    let width = scan.seen_classes().map(|(_, count)| number(count).len()).max().unwrap_or_default();
-    for (index, (class, count)) in scan.seen_classes().enumerate() {
-        let share = 100.0 * count as f64 / scan.points as f64;
-        let line = format!("{class:>3} {:>width$} {share:>5.1} %  {}", number(count), class_name(class));
-        rows.push(row(if index == 0 { "classes" } else { "" }, line));
-    }
+    rows.extend(class_rows(&ClassCount::all(&scan.classes), scan.points, None));
     rows.extend(scan.damage.iter().map(|damage| row("damage", damage.clone())));
     rows
-}
-
-/// Names on the left, values on the right.
-fn block(page: &mut String, title: &str, content: &[Row]) {
-    let _ = writeln!(page, "{title}");
-    rows(page, content);
-}
-
-fn rows(page: &mut String, content: &[Row]) {
-    for (name, value) in content {
-        let _ = writeln!(page, "  {name:NAMES$}  {}", value.trim_end());
-    }
-}
-
-/// One line a file; what differs from file to file.
-fn table(page: &mut String, files: &[FileReport]) {
-    const HEAD: [&str; 11] =
-        ["LAS", "format", "", "points", "density", "E from", "to", "N from", "to", "U from", "to"];
-    let cells = |file: &FileReport| -> [String; 11] {
-        let at = |corner: fn(&Box3) -> &[f64; 3], axis: usize| {
-            file.bounds
-                .as_ref()
-                .map_or("-".into(), |bounds| fixed(corner(bounds)[axis], file.decimals[axis].min(3)))
-        };
-        [
-            file.version.clone(),
-            match file.kept_as {
-                Some(format) => format!("{} in {format}", file.point_format),
-                None => file.point_format.to_string(),
-            },
-            file.kind.into(),
-            number(file.points),
-            file.density.map_or("-".into(), significant),
-            at(|b| &b.min, 0),
-            at(|b| &b.max, 0),
-            at(|b| &b.min, 1),
-            at(|b| &b.max, 1),
-            at(|b| &b.min, 2),
-            at(|b| &b.max, 2),
-        ]
-    };
-    let rows: Vec<[String; 11]> = files.iter().map(cells).collect();
-    let widths: [usize; 11] = std::array::from_fn(|column| {
-        rows.iter().map(|row| row[column].len()).max().unwrap_or_default().max(HEAD[column].len())
-    });
-    let mut line = |cells: &[&str; 11], end: &str| {
-        for (cell, width) in cells.iter().zip(widths) {
-            let _ = write!(page, "{cell:>width$}  ");
-        }
-        let _ = writeln!(page, "{end}");
-    };
-    line(&HEAD, "file");
-    for (row, file) in rows.iter().zip(files) {
-        line(&row.each_ref().map(String::as_str), &file.path);
-        for (is_so, what) in [(file.left_out, "  left out"), (file.transformed, "  transformed")] {
-            if is_so {
-                line(&[""; 11], what);
-            }
-        }
-        let damage = file.scan.iter().flat_map(|scan| &scan.damage);
-        for warning in file.warnings.iter().chain(damage) {
-            line(&[""; 11], &format!("  {warning}"));
-        }
-    }
 }
 
 fn system(crs: Option<&CrsReport>) -> String {
@@ -285,56 +282,4 @@ fn square(unit: Option<&Unit>) -> String {
 
 fn count(things: usize, name: &str) -> String {
     format!("{} {name}{}", number(things as u64), if things == 1 { "" } else { "s" })
-}
-
-/// 1234567 → 1,234,567.
-fn number(value: u64) -> String {
-    group(&value.to_string())
-}
-
-fn fixed(value: f64, decimals: usize) -> String {
-    let text = format!("{value:.decimals$}");
-    let (sign, text) = text.strip_prefix('-').map_or(("", text.as_str()), |rest| ("-", rest));
-    match text.split_once('.') {
-        Some((whole, part)) => format!("{sign}{}.{part}", group(whole)),
-        None => format!("{sign}{}", group(text)),
-    }
-}
-
-fn group(digits: &str) -> String {
-    let mut grouped = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            grouped.push(',');
-        }
-        grouped.push(digit);
-    }
-    grouped
-}
-
-/// Three digits that count.
-fn significant(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return "0".into();
-    }
-    let decimals = (2.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
-    fixed(value, decimals)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_read_well() {
-        assert_eq!(number(0), "0");
-        assert_eq!(number(999), "999");
-        assert_eq!(number(1_234_567), "1,234,567");
-        assert_eq!(fixed(-1234.5, 2), "-1,234.50");
-        assert_eq!(fixed(6_122_250.0, 0), "6,122,250");
-        assert_eq!(
-            [0.0, 0.001_234, 4.444, 16.28, 1234.5].map(significant),
-            ["0", "0.00123", "4.44", "16.3", "1,234"]
-        );
-    }
 }

@@ -3,8 +3,8 @@
 use crate::attribute::{ClassMask, Ramp};
 use crate::command::placement::PlacementArgs;
 use crate::command::values::{
-    Cell, ClassList, Color, Orbit, bytes, cell, classes, color, detail, fov, orbit, positive, range, size,
-    vector,
+    self, Cell, ClassList, Color, Orbit, Ortho, Place, bytes, cell, classes, color, detail, fov, orbit,
+    ortho, place, positive, range, size,
 };
 use crate::gpu::Gpu;
 use crate::output::Target;
@@ -13,32 +13,32 @@ use crate::render::frame::{Background, Shade};
 use crate::render::image::Format;
 use crate::resident::visibility::Visibility;
 use crate::source::learned::Cache;
-use glam::DVec3;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `lasray render`.
 #[derive(Clone, Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Args {
-    /// Files, folders, @lists and patterns
+    /// Files, folders, @lists and patterns; a name of a picture at their end is that of the picture to write
     #[arg(required_unless_present = "demo", value_name = "INPUT")]
     pub(super) inputs: Vec<OsString>,
-    /// Picture to write: .png or .exr; with --each, {stem} stands for the input's name; with --path, %d or
-    /// %04d for the number of the picture, from 0
+    /// Picture to write: .png, .jpg or .exr; with --each, {stem} stands for the input's name; with --path, %d or
+    /// %04d for the number of the picture, from 0 [default: the first input's name, .png, in the current folder]
     #[arg(short, long, value_name = "FILE")]
-    pub(super) output: PathBuf,
+    pub(super) output: Option<PathBuf>,
     /// Draw the embedded synthetic town
-    #[arg(long, conflicts_with = "inputs")]
+    #[arg(long)]
     pub(super) demo: bool,
-    /// One picture a file
+    /// One picture a file, all with the same cells, colours and pixel grid
     #[arg(long, conflicts_with = "demo")]
     pub(super) each: bool,
     /// Fail (exit code 1) when any input is missing or damaged
     #[arg(long)]
     pub(super) strict: bool,
 
-    /// Width and height in pixels [default: 1280x720; with --ortho what the data needs]
+    /// Width and height in pixels: 800x600; a width alone, 800, is 16:9 [default: 1280x720; with --ortho what the data
+    /// needs]
     #[arg(long, value_parser = size, help_heading = "Picture", value_name = "WxH")]
     pub(super) size: Option<[u32; 2]>,
     /// Rays a pixel in a PNG [default: 4, with --shade none 1]
@@ -57,12 +57,12 @@ pub struct Args {
     #[arg(long, help_heading = "Picture")]
     pub(super) no_bridge: bool,
 
-    /// Where the camera is: E,N,U
-    #[arg(long, value_parser = vector, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
-    pub(super) eye: Option<DVec3>,
-    /// What it looks at: E,N,U
-    #[arg(long, value_parser = vector, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
-    pub(super) target: Option<DVec3>,
+    /// Where the camera is: E,N,U; U may be +3: 3 units above what is shown at E,N
+    #[arg(long, value_parser = place, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    pub(super) eye: Option<Place>,
+    /// What it looks at: E,N,U, or E,N,+3 likewise
+    #[arg(long, value_parser = place, allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
+    pub(super) target: Option<Place>,
     /// Direction of view in degrees: azimuth clockwise from north, elevation (positive looks down), and a
     /// distance if not all of the data is to be framed [default: 0,35]
     #[arg(long, value_parser = orbit, allow_hyphen_values = true, help_heading = "Camera", value_name = "AZ,EL[,DIST]")]
@@ -70,10 +70,19 @@ pub struct Args {
     /// Vertical field of view, degrees
     #[arg(long, default_value_t = DEFAULT_FOV, value_parser = fov, help_heading = "Camera")]
     pub(super) fov: f64,
-    /// Parallel rays, at this many units a pixel; from above unless --orbit says otherwise, then with
-    /// world file
-    #[arg(long, value_parser = positive, conflicts_with = "fov", help_heading = "Camera", value_name = "UNITS")]
-    pub(super) ortho: Option<f64>,
+    /// Parallel rays, at this many units a pixel (0.25, 25cm), without a number one pixel a cell; from above, with world
+    /// file and edges at multiples of the pixel, unless --orbit, or --eye and --target, say otherwise
+    #[arg(
+        long,
+        value_parser = ortho,
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = values::CELL,
+        conflicts_with = "fov",
+        help_heading = "Camera",
+        value_name = "UNITS"
+    )]
+    pub(super) ortho: Option<Ortho>,
     /// Camera path to draw, a picture a frame: see docs/camera-paths.md
     #[arg(long, conflicts_with_all = ["eye", "target", "orbit", "fov", "ortho", "each"], help_heading = "Camera", value_name = "FILE")]
     pub(super) path: Option<PathBuf>,
@@ -84,8 +93,9 @@ pub struct Args {
     #[arg(long, default_value_t = 1.0, value_parser = positive, help_heading = "Camera")]
     pub(super) z_scale: f64,
 
-    /// What colours show: auto (RGB, else classes, else heights), rgb, height, class, intensity or return
-    #[arg(long, default_value = "auto", value_parser = color, help_heading = "Colour")]
+    /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity or
+    /// return
+    #[arg(long, visible_alias = "colour", default_value = "auto", value_parser = color, help_heading = "Colour")]
     pub(super) color: Color,
     /// Colour ramp of heights and intensities
     #[arg(long, value_enum, help_heading = "Colour")]
@@ -97,17 +107,18 @@ pub struct Args {
     #[arg(long, value_parser = ["8", "16"], help_heading = "Colour")]
     pub(super) rgb_bits: Option<String>,
 
-    /// Show only these classes: 2,6 or 3-5
+    /// Show only these classes: 2,6 or 3-5 or building,ground
     #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
     pub(super) classes: Option<ClassList>,
-    /// Hide these classes (7 and 18, noise, are hidden unless asked for)
+    /// Hide these classes: 3-5 or vegetation (7 and 18, noise, are hidden unless asked for)
     #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
     pub(super) hide: Option<ClassList>,
     /// Show withheld points
     #[arg(long, help_heading = "Layers")]
     pub(super) withheld: bool,
 
-    /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), or auto
+    /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), with a unit, 50cm, or
+    /// auto
     #[arg(long, default_value = "auto", value_parser = cell, help_heading = "Data")]
     pub(super) cell: Cell,
     #[command(flatten)]
@@ -158,12 +169,12 @@ impl Args {
     }
 
     /// Pictures whose pixels are specified exactly.
-    pub(super) fn is_exact(&self) -> bool {
-        self.shade == Shade::None || Format::of(&self.output).is_ok_and(|format| format == Format::Exr)
+    pub(super) fn is_exact(&self, output: &Path) -> bool {
+        self.shade == Shade::None || Format::of(output).is_ok_and(|format| format == Format::Exr)
     }
 
     /// What of the points is shown.
-    pub(super) fn visibility(&self) -> Visibility {
+    pub(super) fn visibility(&self, exact: bool) -> Visibility {
         let mut classes = match &self.classes {
             Some(list) => ClassMask::only(&list.0),
             None => ClassMask::default(),
@@ -172,7 +183,7 @@ impl Args {
             classes = classes.without(&list.0);
         }
         let bridge = if self.no_bridge || self.shade == Shade::None { 0 } else { 4 };
-        Visibility { classes, withheld: self.withheld, bridge, near_ties: !self.is_exact() }
+        Visibility { classes, withheld: self.withheld, bridge, near_ties: !exact }
     }
 }
 

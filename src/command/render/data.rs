@@ -15,7 +15,7 @@ use crate::resident::scene::Scene;
 use crate::resident::visibility::why_hidden;
 use crate::section::slot::slot_bytes;
 use crate::section::{Columns, Payload};
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::Duration;
 
 /// What is drawn.
@@ -28,16 +28,17 @@ pub(super) enum Data {
 
 impl Data {
     pub(super) fn of(
-        files: &[PathBuf],
-        args: &Args,
+        opening: Opening,
+        (args, output): (&Args, &Path),
         options: &LoadOptions,
         problems: &mut Problems,
     ) -> Result<Data, LoadError> {
         // Exact pictures are made of the finest cells, all of them; the plain traversal knows no others.
-        let whole = args.plain || args.detail.is_none() && args.is_exact() && args.wait == Wait::Complete;
+        let exact = args.is_exact(output);
+        let whole = args.plain || args.detail.is_none() && exact && args.wait == Wait::Complete;
         match whole {
-            true => load::paths(files, options, problems).map(Data::Whole),
-            false => load::open(files, options, problems).map(Data::Live),
+            true => load::read(opening, options, problems).map(Data::Whole),
+            false => Ok(Data::Live(opening)),
         }
     }
 
@@ -72,13 +73,14 @@ pub(super) struct Filled {
 }
 
 impl Filled {
-    /// Uploads what is in memory, or starts to read what is not. `keeps_copies`: more than one image is drawn.
+    /// Uploads what is in memory, or starts to read what is not. `exact`: pixels are specified
+    /// exactly; `keeps_copies`: more than one image is drawn.
     pub(super) fn new(
         gpu: &Gpu,
         args: &Args,
         content: Content,
         grid: Grid,
-        keeps_copies: bool,
+        [exact, keeps_copies]: [bool; 2],
     ) -> anyhow::Result<Filled> {
         let pool_bytes = args.device_budget(gpu);
         let access = Access::best(
@@ -91,7 +93,8 @@ impl Filled {
                 Content::Live(..) => pool_bytes / 2,
             },
         );
-        let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, args.visibility(), grid)?;
+        let visibility = args.visibility(exact);
+        let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility, grid)?;
         match content {
             Content::Whole(sections, points) => {
                 let count = sections.len();
@@ -118,16 +121,22 @@ impl Filled {
 }
 
 /// Reads and uploads what a picture needs, or until there is something to see.
-pub(super) fn fill(live: &mut Live, scene: &mut Scene, sight: &Sight, args: &Args) -> anyhow::Result<Status> {
+pub(super) fn fill(
+    live: &mut Live,
+    scene: &mut Scene,
+    sight: &Sight,
+    args: &Args,
+    wait: Wait,
+) -> anyhow::Result<Status> {
     let bar = load::bar(0, args.quiet, "reading {wide_bar} {human_pos}/{human_len} sections {eta}");
     loop {
         let tick = live.tick(scene, sight, LIMITS.fill_bytes)?;
-        let enough = match args.wait {
+        let enough = match wait {
             Wait::Complete => tick.complete,
             Wait::None => tick.complete || live.has_sample() && !live.shown().is_empty(),
         };
         if enough {
-            if args.wait == Wait::Complete {
+            if wait == Wait::Complete {
                 live.evict_unseen(scene)?;
             }
             break;

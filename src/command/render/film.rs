@@ -7,7 +7,7 @@ use crate::load;
 use crate::render::camera::Camera;
 use crate::render::path::CameraPath;
 use glam::DVec3;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The frames of a path that are to be drawn, and where they go.
@@ -18,14 +18,19 @@ pub(super) struct Film {
 }
 
 impl Film {
-    pub(super) fn new(file: &Path, args: &Args) -> Result<Film, UsageError> {
+    /// `output`: the pattern of their names, by how many they are.
+    pub(super) fn new(
+        file: &Path,
+        args: &Args,
+        output: impl FnOnce(u32) -> PathBuf,
+    ) -> Result<Film, UsageError> {
         let usage = |e: &dyn std::fmt::Display| UsageError(e.to_string());
         let path = CameraPath::read(file).map_err(|e| usage(&e))?;
         let (all, count) = (path.frames(), args.frames.unwrap_or(path.frames()));
         if count > all {
             return Err(usage(&format!("--frames {count}: {} has {all}", file.display())));
         }
-        let pattern = Pattern::new(&args.output, count).map_err(|e| usage(&e))?;
+        let pattern = Pattern::new(&output(count), count).map_err(|e| usage(&e))?;
         Ok(Film { frames: path.spread(count).collect(), path, pattern })
     }
 

@@ -2,45 +2,69 @@
 
 use super::args::Args;
 use super::data::Data;
-use super::draw::draw;
+use super::draw::{Work, draw};
 use super::film::Film;
+use super::names;
 use crate::command::outcome::{Outcome, UsageError, usage_of_load};
 use crate::command::targets::check_targets;
+use crate::command::values::Place;
 use crate::gpu::{Gpu, GpuError, GpuOptions};
 use crate::ingest::bins::Budget;
-use crate::load::{self, LoadError, LoadOptions};
-use crate::output::{self, Protected, Target};
+use crate::load::{self, About, LoadError, LoadOptions};
+use crate::output::{Protected, Target};
 use crate::problems::Problems;
 use crate::render::camera::{Camera, Projection};
-use crate::render::frame::check_size;
+use crate::render::frame::{Background, check_size};
 use crate::render::image::Format;
 use crate::source::inputs::{self, Inputs};
-use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use crate::source::placement::PlacementOptions;
+use std::path::PathBuf;
 
 /// Draws.
 pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
-    check_output(&args.output, args.each)?;
-    let film = args.path.as_deref().map(|path| Film::new(path, &args)).transpose()?;
-    if let (Some(eye), Some(target)) = (args.eye, args.target) {
+    let (given, named) = names::split(&args)?;
+    let found = inputs::expand(&given);
+    let mut output = named.clone().unwrap_or_default();
+    let film = args.path.as_deref().map(|path| {
+        Film::new(path, &args, |pictures| {
+            if named.is_none() {
+                output = names::made_up(&args, &given, &found, pictures);
+            }
+            output.clone()
+        })
+    });
+    let film = film.transpose()?;
+    if named.is_none() && film.is_none() {
+        output = names::made_up(&args, &given, &found, 1);
+    }
+    names::check(&output, args.each)?;
+    if Format::of(&output)? == Format::Jpeg && args.background == Some(Background::None) {
+        let why = format!("{}: a JPEG has no transparent background: write a .png", output.display());
+        return Err(UsageError(why).into());
+    }
+    if let (Some(Place::At(eye)), Some(Place::At(target))) = (args.eye, args.target) {
         Camera::look_at(eye, target, Projection::default()).map_err(|e| UsageError(e.to_string()))?;
     }
-    let found = inputs::expand(&args.inputs);
     let mut protected = Protected::of(&found);
     args.path.iter().for_each(|path| protected.add(path));
-    let pictures: Box<dyn Iterator<Item = PathBuf>> = match &film {
-        Some(film) => Box::new((0..film.frames.len() as u32).map(|number| film.pattern.file(number))),
-        None if args.each => Box::new(found.files.iter().map(|path| each_output(&args.output, path))),
-        None => Box::new(std::iter::once(args.output.clone())),
+    let stems = if args.each { names::distinct_stems(&found.files) } else { Vec::new() };
+    let pictures: Vec<PathBuf> = match &film {
+        Some(film) => (0..film.frames.len() as u32).map(|number| film.pattern.file(number)).collect(),
+        None if args.each => stems.iter().map(|stem| names::each_output(&output, stem)).collect(),
+        None => vec![output.clone()],
     };
+    if named.is_none() {
+        pictures.iter().for_each(|picture| protected.add_made_up(picture));
+    }
     if let (Some(Target::File(json)), Some(_)) = (&args.json, args.ortho)
-        && ["pgw", "wld", "prj"].iter().any(|side| *json == args.output.with_extension(side))
+        && [Format::of(&output)?.world_extension(), "prj"].iter().any(|e| *json == output.with_extension(e))
     {
         let why =
             format!("--json {}: refused: it is written beside the map: give another name", json.display());
         return Err(UsageError(why).into());
     }
-    check_targets(&protected, pictures.map(|path| ("-o", path)), args.json.iter().map(|to| ("--json", to)))?;
+    let named_so = |path: &PathBuf| ("-o", path.clone());
+    check_targets(&protected, pictures.iter().map(named_so), args.json.iter().map(|to| ("--json", to)))?;
     let options = GpuOptions {
         device: args.device,
         validate: args.validate,
@@ -55,7 +79,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         cell: args.cell.0,
         placement: args.placement.options(),
         rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
-        asked: args.visibility().asked(),
+        asked: args.visibility(false).asked(),
         budget: Budget {
             host_bytes: args.host_memory,
             // Pages of the pool do not fill up to the last byte.
@@ -69,48 +93,58 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     }
 
     problems.look_at(&found);
-    if args.each {
-        let drawn = each(&gpu, &found, &args, &options, &protected, problems);
-        finish(problems, &args);
-        drawn?;
-    } else {
-        let data = if args.demo {
-            load::demo(&options, problems).map(Data::Whole)
-        } else {
-            Data::of(&found.files, &args, &options, problems)
-        };
-        say(problems, &args);
-        let drawn = data
-            .map_err(usage_of_load)
-            .and_then(|d| draw(&gpu, d, &args, &args.output, film.as_ref(), &protected, problems));
-        finish(problems, &args);
-        drawn?;
-    }
+    let opened = match args.demo {
+        true => load::demo(&options, problems).map(Data::Whole),
+        false if args.each => {
+            let drawn = each(&gpu, (&found, &pictures), &args, &options, &protected, problems);
+            finish(problems, &args);
+            drawn?;
+            return outcome(&gpu, &args, problems);
+        }
+        false => load::open(&found.files, &options, problems)
+            .and_then(|opening| Data::of(opening, (&args, &output), &options, problems)),
+    };
+    say(problems, &args);
+    let work =
+        Work { args: &args, output: &output, film: film.as_ref(), protected: &protected, legend: None };
+    let drawn = opened.map_err(usage_of_load).and_then(|data| draw(&gpu, data, &work, problems));
+    finish(problems, &args);
+    drawn?;
+    outcome(&gpu, &args, problems)
+}
+
+fn outcome(gpu: &Gpu, args: &Args, problems: &Problems) -> anyhow::Result<Outcome> {
     anyhow::ensure!(gpu.messages().is_empty() || !args.validate, "the validation layers reported errors");
     Ok(if args.strict && problems.failed { Outcome::Incomplete } else { Outcome::Done })
 }
 
-/// One picture a file. What is wrong with one of them does not stop the others.
+/// One picture a file, all with the same cells and in the same colours. What is wrong with one of them does not stop the
+/// others.
 fn each(
     gpu: &Gpu,
-    found: &Inputs,
+    (found, pictures): (&Inputs, &[PathBuf]),
     args: &Args,
     options: &LoadOptions,
     protected: &Protected,
     problems: &mut Problems,
 ) -> anyhow::Result<()> {
-    let mut taken = HashSet::new();
+    // What is to be said is said file by file.
+    let all = match load::open(&found.files, options, &mut Problems::default()) {
+        Ok(opening) => Some(opening.about),
+        Err(LoadError::Nothing(_)) => None,
+        Err(error) => return Err(usage_of_load(error)),
+    };
+    let placement = PlacementOptions { known: all.as_ref().map(About::world), ..options.placement.clone() };
+    let cell = all.as_ref().map_or(options.cell, |all| Some(all.cell.into()));
+    let options = LoadOptions { cell, placement, ..options.clone() };
     let (mut drawn, mut usage) = (false, None);
-    for path in &found.files {
-        let output = each_output(&args.output, path);
-        if !taken.insert(output::one_name(&output)) {
-            let (path, output) = (path.display(), output.display());
-            problems.error(format!("{path}: not drawn into {output}: another input has that name"));
-            continue;
-        }
+    for (path, output) in found.files.iter().zip(pictures) {
         let said = problems.said();
-        let data = Data::of(std::slice::from_ref(path), args, options, problems).map_err(usage_of_load);
-        match data.and_then(|data| draw(gpu, data, args, &output, None, protected, problems)) {
+        let work = Work { args, output, film: None, protected, legend: all.as_ref() };
+        let data = load::open(std::slice::from_ref(path), &options, problems)
+            .and_then(|opening| Data::of(opening, (args, output), &options, problems))
+            .map_err(usage_of_load);
+        match data.and_then(|data| draw(gpu, data, &work, problems)) {
             Ok(()) => drawn = true,
             // Why nothing is left has been said.
             Err(error) if error.is::<LoadError>() && problems.said() > said => problems.lost(path),
@@ -137,39 +171,4 @@ fn say(problems: &mut Problems, args: &Args) {
 /// Prints what has come up.
 fn finish(problems: &mut Problems, args: &Args) {
     let _ = problems.finish(!args.quiet, &mut std::io::stderr().lock());
-}
-
-/// `{stem}` in `pattern` by the input's name without its extensions.
-fn each_output(pattern: &Path, input: &Path) -> PathBuf {
-    let name = input.file_name().unwrap_or_default().to_string_lossy();
-    let lower = name.to_lowercase();
-    let cut = [".copc.laz", ".laz", ".las"].iter().find(|e| lower.ends_with(**e)).map_or(0, |e| e.len());
-    PathBuf::from(pattern.to_string_lossy().replace("{stem}", &name[..name.len() - cut]))
-}
-
-/// Finds out before the work whether its result can be written.
-fn check_output(output: &Path, each: bool) -> anyhow::Result<()> {
-    Format::of(output).map_err(|e| UsageError(e.to_string()))?;
-    if each && !output.to_string_lossy().contains("{stem}") {
-        return Err(UsageError("--each needs {stem} in the output's name: -o '{stem}.png'".to_owned()).into());
-    }
-    if !each && output.to_string_lossy().contains("{stem}") {
-        return Err(UsageError("{stem} in the output's name goes with --each".to_owned()).into());
-    }
-    let folder = match output.parent() {
-        Some(p) if !p.as_os_str().is_empty() && !p.to_string_lossy().contains("{stem}") => p,
-        Some(p) if p.to_string_lossy().contains("{stem}") => return Ok(()),
-        _ => Path::new("."),
-    };
-    let wrong = if output.is_dir() {
-        "it is a folder".to_owned()
-    } else if !folder.exists() {
-        format!("the folder {} does not exist", folder.display())
-    } else {
-        match tempfile::tempfile_in(folder) {
-            Ok(_) => return Ok(()),
-            Err(error) => format!("{}: {error}", folder.display()),
-        }
-    };
-    anyhow::bail!("{}: cannot be written: {wrong}", output.display())
 }

@@ -1,0 +1,118 @@
+//! Images of the same data, and what they need of it.
+
+use super::args::{Args, Wait};
+use super::data::{Filled, fill};
+use crate::attribute::Kinds;
+use crate::command::UsageError;
+use crate::coords::Grid;
+use crate::output::{Output, Protected};
+use crate::problems::Problems;
+use crate::render::camera::Camera;
+use crate::render::frame::{Background, FrameError, Renderer, Shade, View, check_size};
+use crate::render::image::{Image, notes};
+use crate::render::sight::sight;
+use crate::resident::live::Status;
+use crate::resident::table::Table;
+use crate::resident::visibility::why_hidden;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Images of the same data, one after the other.
+pub(super) struct Drawing<'a> {
+    pub(super) args: &'a Args,
+    pub(super) filled: Filled,
+    pub(super) renderer: Renderer,
+    /// What images have in common.
+    pub(super) view: View<'a>,
+    pub(super) grid: Grid,
+    /// U down to which sections are wanted.
+    pub(super) seen_down_to: f64,
+    /// Pixels that a cell may cover.
+    pub(super) detail: f64,
+    /// What an image says of its side files.
+    pub(super) beside: String,
+    /// Kinds of points that the opening sample has seen.
+    pub(super) sampled_kinds: &'a Kinds,
+    /// Of each image that was drawn while data streams.
+    pub(super) statuses: Vec<Status>,
+    pub(super) protected: &'a Protected,
+    pub(super) problems: &'a mut Problems,
+}
+
+impl Drawing<'_> {
+    /// Draws what `camera` sees, and writes it.
+    pub(super) fn image(&mut self, camera: &Camera, output: &Path) -> anyhow::Result<()> {
+        let view = View { camera, ..self.view.clone() };
+        let table = self.table(&view, self.detail, self.args.wait)?;
+        let scene = &mut self.filled.scene;
+        // Where nothing is in sight, the sample tells what there is elsewhere.
+        let seen: Kinds = scene.kinds().union(self.sampled_kinds).copied().collect();
+        if let Some(why) = why_hidden(&seen, &scene.visibility()) {
+            anyhow::bail!("nothing to draw: {why}");
+        }
+        let image = self.renderer.draw_table(scene, &view, &table).map_err(usage)?;
+        write(&image, &view, &self.grid, Output::over(output, self.protected), &self.beside)
+    }
+
+    /// What `camera` sees in one pixel: finest cells, no exaggeration, nothing written.
+    pub(super) fn exact_pixel(&mut self, camera: &Camera) -> anyhow::Result<Image> {
+        let view = View {
+            camera,
+            size: [1, 1],
+            samples: 1,
+            z_scale: 1.0,
+            shade: Shade::None,
+            background: Background::None,
+            ..self.view.clone()
+        };
+        let table = self.table(&view, 0.0, Wait::Complete)?;
+        self.statuses.clear();
+        self.renderer.draw_table(&mut self.filled.scene, &view, &table).map_err(usage)
+    }
+
+    /// The table of what is seen in `view`, which is read and uploaded first where it is not there. `detail`: pixels that
+    /// a cell may cover.
+    fn table(&mut self, view: &View, detail: f64, wait: Wait) -> anyhow::Result<Arc<Table>> {
+        let scene = &mut self.filled.scene;
+        let Some(live) = &mut self.filled.live else { return Ok(self.renderer.table(scene)) };
+        let View { camera, size, z_scale, pivot, .. } = *view;
+        check_size(scene.gpu(), size).map_err(usage)?;
+        let sight = sight(camera, size, [z_scale, pivot], self.seen_down_to, detail)
+            .map_err(|error| usage(error.into()))?;
+        live.pause(false);
+        live.restore_detail();
+        let filled = fill(live, scene, &sight, self.args, wait);
+        live.pause(true);
+        // What was wrong with files is told even where the image fails for another reason.
+        live.take_errors().iter().for_each(|error| self.problems.error(error));
+        live.take_warnings().iter().for_each(|warning| self.problems.warn(warning));
+        let now = filled?;
+        if now.coarser > 1.0 && self.statuses.last().is_none_or(|before| before.coarser < now.coarser) {
+            self.problems.warn(format!(
+                "detail is reduced: cells may cover {:.1} times as many pixels, for lack of device memory (--device-memory)",
+                now.coarser
+            ));
+        }
+        self.statuses.push(now);
+        Ok(self.renderer.table_of_live(scene, live))
+    }
+}
+
+/// A size or a camera that cannot be drawn is a wrong argument.
+fn usage(error: FrameError) -> anyhow::Error {
+    match error {
+        FrameError::Size { .. } | FrameError::Camera(_) => UsageError(error.to_string()).into(),
+        error => error.into(),
+    }
+}
+
+/// Writes an image; `beside`: what it says of its side files.
+fn write(image: &Image, view: &View, grid: &Grid, output: Output, beside: &str) -> anyhow::Result<()> {
+    let of_view = notes(view.camera, grid);
+    let mut notes: Vec<_> = of_view.iter().map(|(key, value)| (*key, value.as_str())).collect();
+    if !beside.is_empty() {
+        notes.push(("Beside", beside));
+    }
+    image.write(output, view.background == Background::None, &notes)?;
+    Ok(())
+}
