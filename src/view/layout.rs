@@ -8,6 +8,7 @@ use super::viewer::Viewer;
 use crate::render::camera::Camera;
 use crate::render::screen::PickedPoint;
 use egui::{Color32, FontId, Painter, Rect};
+use glam::DVec3;
 use std::time::{Duration, Instant};
 
 /// What the toolkit gives to be painted.
@@ -28,6 +29,8 @@ struct ImageOverlay<'a> {
     camera: Option<&'a Camera>,
     /// What lies under the cursor.
     pick: Option<PickedPoint>,
+    /// What was clicked on.
+    kept: Option<DVec3>,
     /// A line of words.
     notice: Option<&'a str>,
     /// Nothing is seen of the data.
@@ -44,6 +47,7 @@ impl ImageOverlay<'_> {
                 let bounds = about.bounds.exaggerated(settings.z_scale, about.bounds.min.z);
                 overlay::frame(painter, area, camera, &bounds);
             }
+            self.kept.inspect(|&kept| overlay::mark(painter, area, camera, kept));
             overlay::north_arrow(painter, area, camera);
             let middle = self.pick.map_or(camera.target(), |point| point.shown);
             let unit = about.unit.as_ref().map(|unit| unit.symbol());
@@ -58,18 +62,24 @@ impl ImageOverlay<'_> {
 }
 
 impl Viewer {
+    /// What lies under the cursor.
+    pub(super) fn under_cursor(&self) -> Option<PickedPoint> {
+        let (pick, _) = self.canvas.pick()?;
+        pick.point.filter(|_| self.input.cursor().is_some())
+    }
+
     /// Runs the toolkit, and does what was asked for in the panel.
     pub(super) fn lay_out(&mut self) -> anyhow::Result<UserInterface> {
         let raw = self.toolkit.take_egui_input(&self.window);
         let status = self.data.status();
-        let under_cursor =
-            self.canvas.pick().and_then(|(pick, _)| pick.point).filter(|_| self.input.cursor().is_some());
+        let kept = self.canvas.kept();
         let content = PanelContent {
             about: self.data.about(),
             status: &status,
             colors: self.canvas.colors().map(|(_, table)| table),
             times: &self.timing.times,
-            under_cursor,
+            point: kept.or(self.under_cursor()),
+            is_kept: kept.is_some(),
             state: self.state(&status),
         };
         self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
@@ -77,6 +87,10 @@ impl Viewer {
         let over = ImageOverlay {
             camera: self.navigation.is_framed().then_some(&self.navigation.camera),
             pick: self.canvas.pick().and_then(|(pick, _)| pick.point),
+            kept: self
+                .data
+                .about()
+                .and_then(|about| self.canvas.kept_place(self.settings.z_scale, about.bounds.min.z)),
             notice: status.failed.as_deref().or(notice).or(status.hidden.as_deref()),
             is_empty: self.data.scene().shows_nothing(),
             size: self.canvas.size(),

@@ -20,6 +20,7 @@ mod options;
 mod overlay;
 mod pace;
 mod panel;
+mod pick;
 mod pipelines;
 mod redraw;
 mod save;

@@ -2,18 +2,17 @@
 
 use super::data::{DataAbout, DataStatus};
 use super::input::KEYS;
+use super::pick;
 use super::settings::{BRIDGE, MODES, Settings};
 use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
 use crate::resident::visibility::Visibility;
-use crate::source::crs::CrsKind;
 use crate::text::{harmless, tidy};
 use egui::{
     Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,
     Sense, Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,
 };
-use glam::DVec3;
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
@@ -69,8 +68,10 @@ pub struct PanelContent<'a> {
     pub colors: Option<&'a ColorTable>,
     /// Plots.
     pub times: &'a StageTimes,
-    /// What lies under the cursor.
-    pub under_cursor: Option<PickedPoint>,
+    /// What was clicked on, else what lies under the cursor.
+    pub point: Option<PickedPoint>,
+    /// It was clicked on.
+    pub is_kept: bool,
     /// What is going on, in short.
     pub state: String,
 }
@@ -248,16 +249,6 @@ fn plot(ui: &mut Ui, name: &str, history: &History) {
     }
 }
 
-/// What lies under the cursor, in coordinates of the world's system.
-pub fn coordinates(point: &PickedPoint, about: &DataAbout) -> String {
-    let world = DVec3 { z: point.height, ..point.shown };
-    let at = about.base.unplace(world);
-    let unit = about.unit.as_ref().map_or("", |u| u.symbol());
-    let is_degrees = about.crs.as_ref().is_some_and(|crs| crs.kind == CrsKind::Geographic);
-    let digits = if is_degrees { 7 } else { 2 };
-    format!("E {:.digits$}   N {:.digits$}   U {:.2} {unit}", at.x, at.y, at.z)
-}
-
 /// Numbers as they are typed: E,N or E,N,U.
 fn typed(text: &str) -> Result<(f64, f64, Option<f64>), String> {
     let numbers: Vec<f64> = text
@@ -317,14 +308,23 @@ impl Panel {
 
     fn status(&self, ui: &mut Ui, content: &PanelContent) {
         ui.horizontal_centered(|ui| {
-            match (&content.under_cursor, content.about) {
+            match (&content.point, content.about) {
                 (Some(point), Some(about)) => {
-                    ui.label(RichText::new(coordinates(point, about)).monospace());
+                    if content.is_kept {
+                        let hint = "what was clicked on; Ctrl+Shift+C copies it, Esc lets go";
+                        ui.label(RichText::new("kept").color(ACCENT)).on_hover_text(hint);
+                    }
+                    ui.label(RichText::new(pick::coordinates(point, about)).monospace());
                     ui.separator();
                     let [r, g, b] = class_color(point.class);
                     let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
                     ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
                     ui.label(format!("{} {}", point.class, class_name(point.class)));
+                    let unit = about.unit.as_ref().map(|unit| unit.symbol());
+                    if let Some(caution) = pick::caution(point, unit) {
+                        ui.separator();
+                        ui.label(RichText::new(caution).color(WARN));
+                    }
                 }
                 _ => {
                     let crs = content.about.map(|about| match &about.crs {

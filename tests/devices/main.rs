@@ -11,6 +11,8 @@ mod known;
 #[path = "../common/lax.rs"]
 mod lax_writer;
 mod live;
+#[cfg(feature = "view")]
+mod picks;
 #[path = "../common/scene.rs"]
 mod scene;
 mod story;
