@@ -237,7 +237,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         [only] => format!("{}: ", only.file.path().display()),
         _ => String::new(),
     };
-    let sample = sample::take(&opened, &options.placement, &sample::SampleBudget::default());
+    let mut sample = sample::take(&opened, &options.placement, &sample::SampleBudget::default());
     for note in &sample.world.notes {
         let line = match note.file() {
             Some(file) => format!("{}: {note}", opened[file].file.path().display()),
@@ -295,6 +295,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
                 (chosen, None) => chosen,
             };
             let FileSample { bounds, reach, in_nodes, contradicted, .. } = sample.files[index];
+            let kinds = std::mem::take(&mut sample.files[index].kinds);
             let known = match contradicted {
                 None => opened.known,
                 Some(told) => {
@@ -302,8 +303,9 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
                     Known::default()
                 }
             };
+            let system = opened.crs.map(|crs| crs.name);
             let input = Input { file: opened.file, placement, rgb };
-            inputs.push(OpenInput { input, bounds, reach, in_nodes, known });
+            inputs.push(OpenInput { input, bounds, reach, in_nodes, known, system, kinds });
         }
     }
     let color = ColorMode::auto(&sample.attributes);

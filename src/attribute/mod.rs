@@ -4,6 +4,7 @@
 //! linear values: [`srgb_to_linear`] after the lookup, [`linear_to_srgb`] before an 8-bit file.
 
 mod class;
+mod counts;
 mod mode;
 mod oklab;
 mod ramp;
@@ -14,6 +15,7 @@ mod summary;
 mod table;
 
 pub use class::{ClassMask, Kinds, class_color, class_name};
+pub use counts::KindCounts;
 pub use mode::ColorMode;
 pub use ramp::Ramp;
 pub(crate) use record::unbias;

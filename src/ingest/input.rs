@@ -2,7 +2,7 @@
 
 use super::bins::Meaning;
 use crate::coords::Bounds;
-use crate::sample::RgbDepth;
+use crate::sample::{RgbDepth, SampledKinds};
 use crate::source::known::Known;
 use crate::source::placement::Placement;
 use crate::source::{LidarFile, PointBlock};
@@ -62,4 +62,8 @@ pub struct OpenInput {
     pub in_nodes: bool,
     /// What else is known of where its chunks lie.
     pub known: Known,
+    /// The coordinate system that it names.
+    pub system: Option<String>,
+    /// What the opening sample has seen of its points.
+    pub kinds: SampledKinds,
 }

@@ -2,8 +2,9 @@
 
 use super::data::DataStatus;
 use super::overlay::{self, ImageArea};
-use super::panel::{self, PanelContent, PanelRequests};
+use super::panel::{PanelContent, PanelRequests};
 use super::settings::{SAMPLES, Settings};
+use super::state::State;
 use super::viewer::Viewer;
 use crate::render::camera::Camera;
 use crate::render::screen::PickedPoint;
@@ -55,7 +56,11 @@ impl ImageOverlay<'_> {
         }
         match self.notice {
             Some(words) => overlay::notice(painter, area, words),
-            None if self.is_empty => opening(painter, rect, content.status),
+            None if self.is_empty => {
+                if let Some((words, share)) = content.going_on.over_image(content.status) {
+                    progress(painter, rect, words, share);
+                }
+            }
             None => {}
         }
     }
@@ -73,6 +78,8 @@ impl Viewer {
         let raw = self.toolkit.take_egui_input(&self.window);
         let status = self.data.status();
         let kept = self.canvas.kept();
+        let is_empty = self.data.scene().shows_nothing();
+        let going_on = State::of(&status, is_empty);
         let content = PanelContent {
             about: self.data.about(),
             status: &status,
@@ -80,7 +87,8 @@ impl Viewer {
             times: &self.timing.times,
             point: kept.or(self.under_cursor()),
             is_kept: kept.is_some(),
-            state: self.state(&status),
+            going_on,
+            state: self.state(going_on, &status),
         };
         self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
         let notice = self.notice.as_ref().map(|(words, _)| &words[..]);
@@ -92,7 +100,7 @@ impl Viewer {
                 .about()
                 .and_then(|about| self.canvas.kept_place(self.settings.z_scale, about.bounds.min.z)),
             notice: status.failed.as_deref().or(notice).or(status.hidden.as_deref()),
-            is_empty: self.data.scene().shows_nothing(),
+            is_empty,
             size: self.canvas.size(),
         };
         let (panel, settings, context) = (&mut self.panel, &mut self.settings, self.context.clone());
@@ -142,39 +150,27 @@ impl Viewer {
     }
 
     /// What is going on, in short.
-    fn state(&self, status: &DataStatus) -> String {
-        let samples = self.canvas.samples();
+    fn state(&self, state: State, status: &DataStatus) -> String {
         if let Some(saving) = &self.saving {
             return format!("saving {} of {SAMPLES}", saving.samples());
         }
-        match () {
-            _ if !status.is_complete && status.points > 0 && status.points_decoded < status.points => {
-                let share = status.points_decoded as f64 / status.points as f64 * 100.0;
-                format!("reading {share:.0} %")
-            }
-            _ if !status.is_complete => "reading".to_owned(),
-            _ if self.canvas.is_refining() => format!("refining {samples} of {SAMPLES}"),
-            _ => format!("{} points", panel::short(status.points_decoded)),
-        }
+        let is_refining = self.canvas.is_refining() && self.canvas.is_drawn();
+        state.in_short(status, is_refining.then(|| [self.canvas.samples(), SAMPLES]))
     }
 }
 
-/// What is to be seen before anything else is: that it is being read.
-fn opening(painter: &Painter, rect: Rect, status: &DataStatus) {
-    let words = match (status.points, status.points_decoded) {
-        (0, _) => "Opening …".to_owned(),
-        (all, read) => format!("Reading {} of {} points", panel::short(read), panel::short(all)),
-    };
-    let share = if status.points == 0 { 0.0 } else { status.points_decoded as f32 / status.points as f32 };
-    let whole = Rect::from_center_size(rect.center(), egui::vec2(260.0, 54.0));
+/// Where nothing is seen of the data: why, and how much of that is done.
+fn progress(painter: &Painter, rect: Rect, words: String, share: Option<f64>) {
+    let galley = painter.layout_no_wrap(words, FontId::proportional(14.0), Color32::WHITE);
+    let size = egui::vec2((galley.size().x + 40.0).max(260.0), if share.is_some() { 54.0 } else { 40.0 });
+    let whole = Rect::from_center_size(rect.center(), size);
     painter.rect_filled(whole, 6.0, Color32::from_black_alpha(190));
-    let line = Rect::from_center_size(rect.center() + egui::vec2(0.0, 12.0), egui::vec2(220.0, 4.0));
-    painter.rect_filled(line, 2.0, Color32::from_white_alpha(40));
-    painter.rect_filled(
-        line.with_max_x(line.left() + line.width() * share.min(1.0)),
-        2.0,
-        Color32::from_rgb(86, 156, 214),
-    );
-    let at = rect.center() - egui::vec2(0.0, 10.0);
-    painter.text(at, egui::Align2::CENTER_CENTER, words, FontId::proportional(14.0), Color32::WHITE);
+    let up = if share.is_some() { 10.0 } else { 0.0 };
+    painter.galley(rect.center() - egui::vec2(0.0, up) - galley.size() / 2.0, galley, Color32::WHITE);
+    if let Some(share) = share {
+        let line = Rect::from_center_size(rect.center() + egui::vec2(0.0, 12.0), egui::vec2(220.0, 4.0));
+        painter.rect_filled(line, 2.0, Color32::from_white_alpha(40));
+        let done = line.left() + line.width() * share.clamp(0.0, 1.0) as f32;
+        painter.rect_filled(line.with_max_x(done), 2.0, Color32::from_rgb(86, 156, 214));
+    }
 }

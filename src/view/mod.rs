@@ -26,6 +26,7 @@ mod redraw;
 mod save;
 mod saving;
 mod settings;
+mod state;
 mod statistics;
 mod timing;
 mod toolkit;

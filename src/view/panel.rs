@@ -4,6 +4,7 @@ use super::data::{DataAbout, DataStatus};
 use super::input::KEYS;
 use super::pick;
 use super::settings::{BRIDGE, MODES, Settings};
+use super::state::State;
 use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
@@ -13,7 +14,7 @@ use egui::{
     Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,
     Sense, Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,
 };
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 
 /// Width of the panel, points.
@@ -72,7 +73,9 @@ pub struct PanelContent<'a> {
     pub point: Option<PickedPoint>,
     /// It was clicked on.
     pub is_kept: bool,
-    /// What is going on, in short.
+    /// What is going on.
+    pub going_on: State,
+    /// The same, in short.
     pub state: String,
 }
 
@@ -151,6 +154,53 @@ pub fn short(n: u64) -> String {
         1_000_000..1_000_000_000 => scaled(1e6, "M"),
         _ => scaled(1e9, "G"),
     }
+}
+
+/// A number that is estimated: two digits, marked.
+pub fn rough(n: u64) -> String {
+    let power = 10u64.pow(n.max(1).ilog10().saturating_sub(1));
+    let rounded = (n + power / 2) / power * power;
+    let scaled = |unit: u64, name: &str| match rounded / unit {
+        ones @ 0..10 => format!("~{ones}.{} {name}", rounded % unit * 10 / unit),
+        many => format!("~{many} {name}"),
+    };
+    match rounded {
+        0..1000 => format!("~{rounded}"),
+        1000..1_000_000 => scaled(1000, "k"),
+        1_000_000..1_000_000_000 => scaled(1_000_000, "M"),
+        _ => scaled(1_000_000_000, "G"),
+    }
+}
+
+/// A number with its digits in groups of three.
+pub fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
+    groups.join(",")
+}
+
+/// What a number of points of a class is.
+fn about_count(points: u64, withheld: u64, is_exact: bool) -> String {
+    let withheld = |number: fn(u64) -> String| match withheld {
+        0 => String::new(),
+        n => format!(", of which {} are withheld", number(n)),
+    };
+    match is_exact {
+        true => format!("{} points{}", grouped(points), withheld(grouped)),
+        false => {
+            format!("{} points{}: estimated, until every point was read", rough(points), withheld(rough))
+        }
+    }
+}
+
+/// The coordinate systems that files which are shown name, with how many do; those that name none last.
+fn systems(about: &DataAbout) -> Vec<(String, usize)> {
+    let mut named: BTreeMap<(bool, &str), usize> = BTreeMap::new();
+    for file in about.files.iter().filter(|file| file.shown && !file.is_gone) {
+        let name = file.system.as_deref();
+        *named.entry((name.is_none(), name.unwrap_or("none that is named"))).or_default() += 1;
+    }
+    named.into_iter().map(|((_, name), files)| (harmless(name), files)).collect()
 }
 
 /// Bytes in few letters.
@@ -488,12 +538,12 @@ const RETURNS: [ReturnKind; 5] =
     [ReturnKind::Single, ReturnKind::First, ReturnKind::Intermediate, ReturnKind::Last, ReturnKind::Unknown];
 
 fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
-    let Some(about) = content.about else {
+    if content.about.is_none() {
         ui.label(weak("…"));
         return;
-    };
-    let counts = &about.summary.classes;
-    let listed = |class: &u8| counts[usize::from(*class)] > 0 || NOISE.contains(class);
+    }
+    let counts = &content.status.kinds;
+    let listed = |class: &u8| counts.of_class(*class)[0] > 0 || NOISE.contains(class);
     let mask = &mut visibility.classes;
     for class in (0..=255u8).filter(listed) {
         let mut is_shown = mask.shows(class);
@@ -507,8 +557,11 @@ fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
             ui.painter().text(number.right_center(), Align2::RIGHT_CENTER, class, font, WEAK);
             let label = ui.add(egui::Label::new(name).sense(Sense::click()).selectable(false));
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                let count = counts[usize::from(class)];
-                ui.label(weak(if count == 0 { String::new() } else { short(count) }));
+                let [points, withheld] = counts.of_class(class);
+                if points > 0 {
+                    let words = if counts.is_exact { grouped(points) } else { rough(points) };
+                    ui.label(weak(words)).on_hover_text(about_count(points, withheld, counts.is_exact));
+                }
             });
             if label.clicked() {
                 is_shown = !is_shown;
@@ -566,7 +619,7 @@ fn files(ui: &mut Ui, content: &PanelContent, requests: &mut PanelRequests) {
 
 fn data(ui: &mut Ui, content: &PanelContent) {
     let status = content.status;
-    let (read, all) = (status.points_decoded, status.points);
+    let (read, all) = (status.points_read, status.points);
     bar(ui, "points read", [read, all], format!("{} of {}", short(read), short(all)));
     let [wanted, resident] = [status.sections_wanted, status.sections_resident];
     bar(ui, "sections resident", [resident, wanted], format!("{resident} of {wanted}"));
@@ -580,6 +633,20 @@ fn data(ui: &mut Ui, content: &PanelContent) {
     if let Some(about) = content.about {
         let size = (about.bounds.max - about.bounds.min).round();
         let unit = about.unit.as_ref().map_or("units", |u| u.symbol());
+        let systems = systems(about);
+        for (name, files) in &systems {
+            let label = match (&systems[..], files) {
+                ([_], _) => "system".to_owned(),
+                (_, 1) => "1 file".to_owned(),
+                (_, files) => format!("{files} files"),
+            };
+            ui.horizontal(|ui| {
+                ui.label(weak(label));
+                ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                    ui.add(egui::Label::new(name).truncate()).on_hover_text(name);
+                });
+            });
+        }
         pair(ui, "extent", format!("{} × {} × {} {unit}", tidy(size.x), tidy(size.y), tidy(size.z)));
     }
 }
@@ -595,6 +662,23 @@ mod tests {
         assert_eq!(numbers.map(short), words);
         assert_eq!(bytes(3 << 19), "2 MiB");
         assert_eq!(bytes(1 << 30), "1.00 GiB");
+    }
+
+    #[test]
+    fn estimates_look_like_none_else() {
+        let numbers = [0, 1, 99, 104, 995, 1049, 24_412, 99_600, 1_960_000, 978_123_000, 3_210_000_000];
+        let words =
+            ["~0", "~1", "~99", "~100", "~1.0 k", "~1.0 k", "~24 k", "~100 k", "~2.0 M", "~980 M", "~3.2 G"];
+        assert_eq!(numbers.map(rough), words);
+        assert_eq!(
+            [7, 999, 1000, 72_763, 1_234_567].map(grouped),
+            ["7", "999", "1,000", "72,763", "1,234,567"]
+        );
+        assert_eq!(about_count(72_763, 0, true), "72,763 points");
+        assert_eq!(
+            about_count(24_412, 512, false),
+            "~24 k points, of which ~510 are withheld: estimated, until every point was read"
+        );
     }
 
     #[test]

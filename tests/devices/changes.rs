@@ -119,7 +119,7 @@ fn files_that_change_are_seen_as_they_are() {
         println!("back again after {:?}", started.elapsed());
         assert_eq!(scene::pixels_that_differ(&seen.picture(), &whole), 0);
         let status = seen.data.status();
-        assert_eq!((status.points_decoded, status.frames_waited), (status.points, 0));
+        assert_eq!((status.points_read, status.frames_waited), (status.points, 0));
         assert_eq!(seen.gpu.messages(), [""; 0]);
     });
 }
