@@ -653,9 +653,10 @@ impl Data {
         if !scene.shows_nothing() {
             return None;
         }
-        let kinds = match self.kinds.of.is_empty() {
-            true => about.kinds.clone(),
-            false => self.kinds.kinds(),
+        // Of the files that are shown.
+        let kinds = match self.kinds_version {
+            None => about.kinds.clone(),
+            Some(_) => self.kinds.kinds(),
         };
         why_hidden(&kinds, &scene.visibility()).map(|why| format!("nothing to draw: {why}"))
     }

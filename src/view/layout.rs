@@ -54,14 +54,11 @@ impl ImageOverlay<'_> {
             let unit = about.unit.as_ref().map(|unit| unit.symbol());
             overlay::scale_bar(painter, area, camera, middle, unit);
         }
-        match self.notice {
-            Some(words) => overlay::notice(painter, area, words),
-            None if self.is_empty => {
-                if let Some((words, share)) = content.going_on.over_image(content.status) {
-                    progress(painter, rect, words, share);
-                }
-            }
-            None => {}
+        if let Some(words) = self.notice {
+            overlay::notice(painter, area, words);
+        }
+        if let Some((words, share)) = content.going_on.over_image(content.status).filter(|_| self.is_empty) {
+            progress(painter, rect, words, share);
         }
     }
 }
@@ -99,7 +96,7 @@ impl Viewer {
                 .data
                 .about()
                 .and_then(|about| self.canvas.kept_place(self.settings.z_scale, about.bounds.min.z)),
-            notice: status.failed.as_deref().or(notice).or(status.hidden.as_deref()),
+            notice: status.failed.as_deref().or(notice),
             is_empty,
             size: self.canvas.size(),
         };

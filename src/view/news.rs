@@ -44,10 +44,8 @@ impl Viewer {
             self.drawing = None;
         }
         for (answer, is_kept) in self.canvas.take_picks(&mut self.data, &self.navigation.camera)? {
-            if let Some(point) = &answer.point {
-                let name = if is_kept { "kept" } else { "pick" };
-                self.log.line(format_args!("{name} {}", pick::logged(point)));
-            }
+            let name = if is_kept { "kept" } else { "pick" };
+            self.log.line(format_args!("{name} {}", pick::logged(answer.point.as_ref())));
             // While data arrive, the next frame tells.
             if self.data.is_complete() {
                 self.window.request_redraw();

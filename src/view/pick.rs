@@ -49,7 +49,8 @@ pub fn caution(point: &PickedPoint, unit: Option<&str>) -> Option<String> {
 }
 
 /// For the log of events.
-pub fn logged(point: &PickedPoint) -> String {
+pub fn logged(point: Option<&PickedPoint>) -> String {
+    let Some(point) = point else { return "nothing".to_owned() };
     let at = point.shown;
     let mut line = format!("{:.3} {:.3} {:.3} class {}", at.x, at.y, point.height, point.class);
     line.extend(point.below.map(|below| format!(" side {below:.3}")));
@@ -86,9 +87,9 @@ mod tests {
         assert_eq!(said(coarse).as_deref(), Some("highest of a cell of 4 m"));
         let stand_in = PickedPoint { stands_in: true, ..coarse };
         assert_eq!(said(stand_in).as_deref(), Some("stand-in, cell of 4 m"));
-        assert_eq!(logged(&top), "1.000 2.000 44.180 class 14");
+        assert_eq!(logged(Some(&top)), "1.000 2.000 44.180 class 14");
         assert_eq!(
-            logged(&PickedPoint { is_bridged: true, below: Some(1.5), ..stand_in }),
+            logged(Some(&PickedPoint { is_bridged: true, below: Some(1.5), ..stand_in })),
             "1.000 2.000 44.180 class 14 side 1.500 bridged cell 4 stand-in"
         );
     }

@@ -62,12 +62,16 @@ impl State {
         }
     }
 
-    /// For the middle of an image on which nothing is seen, and how much of it is done where that can be told; what
-    /// failed or is hidden is told elsewhere.
+    /// For the middle of an image on which nothing is seen, and how much of it is done where that can be told; why
+    /// something failed is told elsewhere.
     pub fn over_image(self, status: &DataStatus) -> Option<(String, Option<f64>)> {
         let words = |words: &str| Some((words.to_owned(), None));
         match self {
-            State::Failed | State::AllHidden | State::Shown => None,
+            State::Failed | State::Shown => None,
+            State::AllHidden if status.kinds.of.keys().any(|(_, withheld)| *withheld) => {
+                words("Every point is hidden: check classes, or “Withheld points”")
+            }
+            State::AllHidden => words("Every point is hidden: check some of the classes"),
             State::Opening => words("Opening …"),
             State::NoFiles => words("Drop files or folders here"),
             State::NoFileShown => words("No file is shown: check one in the list of files"),
@@ -97,6 +101,7 @@ pub fn logged_counts(status: &DataStatus) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attribute::KindCounts;
 
     /// Files (shown, all), opening, complete, share read, failed, hidden.
     fn status(files: [u64; 2], is_opening: bool, is_complete: bool, share_read: f64) -> DataStatus {
@@ -119,6 +124,7 @@ mod tests {
         let all = status([1, 1], false, true, 1.0);
         let over = |status: &DataStatus| State::of(status, true).over_image(status).map(|(words, _)| words);
         let short = |status: &DataStatus, is_empty: bool| State::of(status, is_empty).in_short(status, None);
+        let withheld = KindCounts { of: [((2, true), 5)].into(), is_exact: true };
         let cases = [
             (status([0, 0], true, false, 0.0), "opening", Some("Opening …")),
             (status([0, 0], false, true, 0.0), "no files", Some("Drop files or folders here")),
@@ -137,7 +143,16 @@ mod tests {
             ),
             // More files are opened beside those that are there.
             (status([1, 1], true, false, 1.0), "loading", Some("Loading …")),
-            (DataStatus { hidden: why(), ..all.clone() }, "every point is hidden", None),
+            (
+                DataStatus { hidden: why(), ..all.clone() },
+                "every point is hidden",
+                Some("Every point is hidden: check some of the classes"),
+            ),
+            (
+                DataStatus { hidden: why(), kinds: withheld, ..all.clone() },
+                "every point is hidden",
+                Some("Every point is hidden: check classes, or “Withheld points”"),
+            ),
             (DataStatus { failed: why(), ..all.clone() }, "failed", None),
             (DataStatus { failed: why(), hidden: why(), ..status([0, 0], false, true, 0.0) }, "failed", None),
             (all.clone(), "nothing in sight", Some("Nothing of the data is in sight: F frames it")),

@@ -21,14 +21,14 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// A window's data, without a window.
-struct Seen {
-    gpu: Gpu,
-    data: view::data::Data,
-    camera: Camera,
+pub(super) struct Seen {
+    pub gpu: Gpu,
+    pub data: view::data::Data,
+    pub camera: Camera,
 }
 
 impl Seen {
-    fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
+    pub fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
         let options = view::data::ReadOptions {
             cell: Some(0.25),
             placement: PlacementOptions::default(),
@@ -43,11 +43,16 @@ impl Seen {
         Seen { gpu, data, camera }
     }
 
+    /// One frame's worth.
+    pub fn tick(&mut self) {
+        self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true, LIMITS.frame_bytes).unwrap();
+    }
+
     /// Until `done`, and complete.
-    fn until(&mut self, done: impl Fn(&view::data::Data) -> bool) {
+    pub fn until(&mut self, done: impl Fn(&view::data::Data) -> bool) {
         let start = Instant::now();
         loop {
-            self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true, LIMITS.frame_bytes).unwrap();
+            self.tick();
             if self.data.is_complete() && self.data.about().is_some() && done(&self.data) {
                 return;
             }

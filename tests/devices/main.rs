@@ -4,6 +4,8 @@
 mod changes;
 #[path = "../common/mod.rs"]
 mod common;
+#[cfg(feature = "view")]
+mod counts;
 mod cut;
 mod derived;
 mod faults;
