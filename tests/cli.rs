@@ -448,7 +448,7 @@ fn bad_files() -> Vec<Case> {
             1,
             &["none.laz: holds no points"],
         ),
-        Case::file("one.las", las(1), 0, &["1 point in 1 section"]),
+        Case::file("one.las", las(1), 0, &["1 point read, 1 section"]),
         // Sections of one point each: the budget is looked at before there are thousands of them.
         Case {
             memory: 500 << 20,

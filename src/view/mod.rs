@@ -16,6 +16,7 @@ mod log;
 mod navigate;
 mod navigation;
 mod news;
+mod numbers;
 mod options;
 mod overlay;
 mod pace;

@@ -1,7 +1,7 @@
 //! What is going on, in words: in the status bar, and over an image on which nothing is seen.
 
 use super::data::DataStatus;
-use super::panel::short;
+use super::numbers::short;
 
 /// What is going on with the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
