@@ -550,6 +550,23 @@ fn what_is_clicked_on_is_kept_and_copied() {
         let under = find(&|pick| pick[0] != "nothing");
         assert_eq!(copied(&window), under[..3]);
         assert_eq!(window.end(), Some(0));
+
+        // In degrees, finer than a centimetre.
+        let options = ["--size", "640x480", "--crs", "EPSG:4326", "--orbit", "0,90"];
+        let mut window =
+            Window::open(&display, folder.path(), &[&options[..], &[file.to_str().unwrap()]].concat());
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        window.skip();
+        window.xdotool(&["mousemove", "468", "226"]);
+        window.wait("pick ");
+        let copied = copied(&window);
+        let digits = copied.iter().map(|number| number.split_once('.').unwrap().1.len());
+        assert_eq!(digits.collect::<Vec<_>>(), [8, 8, 3], "{copied:?}");
+        let place: Vec<f64> = copied.iter().map(|number| number.parse().unwrap()).collect();
+        assert!((place[0] - 9.16).abs() < 0.05 && (place[1] - 48.78).abs() < 0.05, "{copied:?}");
+        assert_eq!(window.end(), Some(0));
     });
 }
 
