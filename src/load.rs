@@ -5,14 +5,14 @@ use crate::attribute::{ColorMode, Kinds};
 use crate::coords::{Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, SectionKey, height_step};
 use crate::ingest::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::ingest::budget::layer_bytes;
-use crate::ingest::input::{Input, OpenInput};
+use crate::ingest::input::{Input, OpenInput, SeenKinds};
 use crate::ingest::workers::{ReadProgress, read_all};
 use crate::problems::Problems;
 use crate::sample::{self, FileSample, Opened, RgbDepth};
 use crate::section::Columns;
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
-use crate::source::learned::Cache;
+use crate::source::learned::{Cache, Counts};
 use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions};
 use crate::source::{LayerMemory, LidarFile, crs::Crs, crs::Unit};
 use crate::synth;
@@ -295,7 +295,11 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
                 (chosen, None) => chosen,
             };
             let FileSample { bounds, reach, in_nodes, contradicted, .. } = sample.files[index];
-            let kinds = std::mem::take(&mut sample.files[index].kinds);
+            let kinds = SeenKinds {
+                sampled: std::mem::take(&mut sample.files[index].kinds),
+                // Who is wrong about bounds is not believed in anything.
+                kept: if contradicted.is_none() { opened.counts } else { Counts::new() },
+            };
             let known = match contradicted {
                 None => opened.known,
                 Some(told) => {
@@ -356,14 +360,14 @@ fn without_too_high(
 fn look_up(opened: &mut [Opened], cache: Option<&Cache>, problems: &mut Problems) {
     let found = sample::parallel(opened.len(), |_, index| {
         let file = &opened[index].file;
-        let mut known = cache.map_or_else(Known::default, |cache| cache.load(file));
+        let (mut known, counts) = cache.map(|cache| cache.load_all(file)).unwrap_or_default();
         let index = if known.is_whole(file) { Ok(Known::default()) } else { lax::look_up(file) };
         file.bytes.release();
         let error = index.map(|index| known.fill_from(index)).err();
-        (known, error)
+        (known, counts, error)
     });
-    for (opened, (known, error)) in opened.iter_mut().zip(found) {
-        opened.known = known;
+    for (opened, (known, counts, error)) in opened.iter_mut().zip(found) {
+        (opened.known, opened.counts) = (known, counts);
         match error {
             Some(error @ LaxError::Older { .. }) => problems.note(error),
             Some(error) => problems.warn(error),

@@ -14,6 +14,7 @@ use crate::limits::LIMITS;
 use crate::section::{PayloadKey, PayloadKind};
 use crate::source::SourceError;
 use crate::source::known::{RawBounds, Told};
+use crate::source::learned::Counts;
 use glam::DVec3;
 use roaring::RoaringBitmap;
 use std::collections::{HashMap, HashSet, VecDeque};
@@ -118,6 +119,16 @@ pub struct Outcome {
     pub nowhere: u64,
     /// Points of each kind (class, withheld), where they were counted.
     pub kinds: Option<Vec<((u8, bool), u64)>>,
+}
+
+/// What was learned of a file.
+pub struct Learned {
+    /// The file.
+    pub input: Arc<Input>,
+    /// Of each chunk, where its points lie.
+    pub bounds: Vec<Option<RawBounds>>,
+    /// Its points of each kind; empty: not all of them were counted.
+    pub kinds: Counts,
 }
 
 /// How far reading is.
@@ -287,7 +298,7 @@ impl Builds {
                 busy: false,
                 broken: false,
                 is_told: false,
-                is_counted: counts.is_exact(),
+                is_counted: false,
                 lacked_by: 0,
             });
         }
@@ -507,7 +518,9 @@ impl Builds {
         if let Some(kinds) = outcome.kinds.filter(|_| !lost)
             && !std::mem::replace(&mut state.is_counted, true)
         {
-            self.sources[source].counts.count(input.file.chunks[index].records, kinds);
+            let of_file = &mut self.sources[source];
+            of_file.counts.count(input.file.chunks[index].records, kinds);
+            of_file.has_learned |= of_file.counts.news().is_some();
             self.counted += 1;
         }
         if let Some(error) = outcome.error {
@@ -603,6 +616,7 @@ impl Builds {
             }
         }
         if told == Told::Cache {
+            self.sources[source].counts.disbelieve();
             self.forgotten.push(source);
         }
         self.changed(source);
@@ -641,14 +655,17 @@ impl Builds {
         (known != Some(version)).then(|| (version, counts::of_all(shown())))
     }
 
-    /// Files of which something was learned since this was asked last, with all that is known of their chunks.
-    pub fn take_learned(&mut self) -> Vec<(Arc<Input>, Vec<Option<RawBounds>>)> {
+    /// Files of which something was learned since this was asked last, with all that is known of their chunks, and what was
+    /// counted of them if that is all of it.
+    pub fn take_learned(&mut self) -> Vec<Learned> {
         let mut learned = Vec::new();
         for source in 0..self.sources.len() {
             if std::mem::take(&mut self.sources[source].has_learned) {
                 let bounds =
                     self.chunks_of(source).map(|chunk| self.chunks[chunk as usize].learned).collect();
-                learned.push((Arc::clone(&self.sources[source].input), bounds));
+                let Source { input, counts, .. } = &self.sources[source];
+                let kinds = counts.news().cloned().unwrap_or_default();
+                learned.push(Learned { input: Arc::clone(input), bounds, kinds });
             }
         }
         learned

@@ -1,8 +1,10 @@
 //! Points of each kind, counted as chunks are read: each chunk once, however often it is decoded. What was not read yet is
 //! estimated from the opening sample.
 
+use super::input::SeenKinds;
 use crate::attribute::{KindCounts, Kinds};
 use crate::sample::SampledKinds;
+use crate::source::learned::Counts;
 use crate::source::{FLAG_WITHHELD, PointBlock};
 use std::collections::BTreeMap;
 
@@ -70,9 +72,11 @@ impl Histogram {
 /// Points of a file.
 #[derive(Default)]
 pub struct FileCounts {
-    counted: BTreeMap<(u8, bool), u64>,
+    counted: Counts,
     /// Records of the chunks that were not counted yet.
     left: u64,
+    /// What is believed until all of it is counted.
+    believed: Option<Counts>,
     /// What the opening sample has seen of it.
     sampled: SampledKinds,
     /// Seen elsewhere.
@@ -80,13 +84,13 @@ pub struct FileCounts {
 }
 
 impl FileCounts {
-    /// Of a file of so many records, of which the opening sample has seen this.
-    pub fn new(records: u64, sampled: SampledKinds) -> FileCounts {
-        if sampled.is_whole {
-            let counted = sampled.weights.iter().map(|(kind, weight)| (*kind, weight.round() as u64));
-            return FileCounts { counted: counted.collect(), ..FileCounts::default() };
-        }
-        FileCounts { left: records, sampled, ..FileCounts::default() }
+    /// Of a file of so many records, of which that is known.
+    pub fn new(records: u64, SeenKinds { sampled, kept }: SeenKinds) -> FileCounts {
+        let whole = || sampled.weights.iter().map(|(kind, weight)| (*kind, weight.round() as u64)).collect();
+        // Of a damaged file less was counted than there are.
+        let is_sound = !kept.is_empty() && kept.values().sum::<u64>() <= records;
+        let believed = if sampled.is_whole { Some(whole()) } else { is_sound.then_some(kept) };
+        FileCounts { left: records, believed, sampled, ..FileCounts::default() }
     }
 
     /// Records of the chunks that were not counted yet.
@@ -94,9 +98,19 @@ impl FileCounts {
         self.left
     }
 
-    /// Whether every chunk was counted.
-    pub fn is_exact(&self) -> bool {
-        self.left == 0
+    /// What is exact of it, if that is known.
+    fn exact(&self) -> Option<&Counts> {
+        if self.left == 0 { Some(&self.counted) } else { self.believed.as_ref() }
+    }
+
+    /// What was counted of the whole file, if that is not what was believed.
+    pub fn news(&self) -> Option<&Counts> {
+        (self.left == 0 && self.believed.as_ref() != Some(&self.counted)).then_some(&self.counted)
+    }
+
+    /// What was believed of it is not believed any more.
+    pub fn disbelieve(&mut self) {
+        self.believed = None;
     }
 
     /// Takes in a chunk of so many records, once.
@@ -112,10 +126,11 @@ impl FileCounts {
         self.seen.extend(kinds);
     }
 
-    /// Adds what there is, estimated where it was not counted.
+    /// Adds what there is, estimated where that is not known.
     fn add_to(&self, all: &mut BTreeMap<(u8, bool), f64>) {
-        let mut of: BTreeMap<_, f64> = self.counted.iter().map(|(kind, n)| (*kind, *n as f64)).collect();
-        if !self.is_exact() {
+        let known = self.exact().unwrap_or(&self.counted);
+        let mut of: BTreeMap<_, f64> = known.iter().map(|(kind, n)| (*kind, *n as f64)).collect();
+        if self.exact().is_none() {
             let sampled: f64 = self.sampled.weights.values().sum();
             for (&kind, weight) in &self.sampled.weights {
                 *of.entry(kind).or_default() += self.left as f64 * weight / sampled;
@@ -132,7 +147,7 @@ pub fn of_all<'a>(files: impl Iterator<Item = &'a FileCounts>) -> KindCounts {
     let (mut all, mut is_exact) = (BTreeMap::new(), true);
     for file in files {
         file.add_to(&mut all);
-        is_exact &= file.is_exact();
+        is_exact &= file.exact().is_some();
     }
     KindCounts { of: all.into_iter().map(|(kind, n)| (kind, n.round() as u64)).collect(), is_exact }
 }
@@ -141,8 +156,9 @@ pub fn of_all<'a>(files: impl Iterator<Item = &'a FileCounts>) -> KindCounts {
 mod tests {
     use super::*;
 
-    fn sampled(weights: &[((u8, bool), f64)], is_whole: bool) -> SampledKinds {
-        SampledKinds { weights: weights.iter().copied().collect(), is_whole }
+    fn sampled(weights: &[((u8, bool), f64)], is_whole: bool) -> SeenKinds {
+        let sampled = SampledKinds { weights: weights.iter().copied().collect(), is_whole };
+        SeenKinds { sampled, kept: Counts::new() }
     }
 
     #[test]
@@ -184,7 +200,31 @@ mod tests {
         let both = of_all([&whole, &file].into_iter());
         assert!(both.is_exact && both.of_class(2) == [1029, 0]);
         // Nothing is known of a file whose sample could not be read.
-        let unknown = FileCounts::new(7, SampledKinds::default());
+        let unknown = FileCounts::new(7, SeenKinds::default());
         assert_eq!(of(&unknown), KindCounts::default());
+    }
+
+    #[test]
+    fn what_was_counted_before_is_believed_until_it_is_counted() {
+        let ground = (2, false);
+        let seen =
+            |kept: u64| SeenKinds { kept: [(ground, kept)].into(), ..sampled(&[((5, false), 1.0)], false) };
+        let of = |file: &FileCounts| of_all([file].into_iter());
+        let mut file = FileCounts::new(100, seen(100));
+        assert_eq!((of(&file).of, of(&file).is_exact), ([(ground, 100)].into(), true));
+        file.count(60, vec![(ground, 60)]);
+        assert_eq!((of(&file).of, file.left(), file.news()), ([(ground, 100)].into(), 40, None));
+        // As it was, or not.
+        let mut same = FileCounts::new(100, seen(100));
+        same.count(100, vec![(ground, 100)]);
+        assert_eq!(same.news(), None);
+        file.count(40, vec![((6, false), 40)]);
+        assert_eq!(file.news(), Some(&[(ground, 60), ((6, false), 40)].into()));
+        assert_eq!(of(&file).of, [(ground, 60), ((6, false), 40)].into());
+        // More than there are, and what told lies of something else.
+        assert!(!of(&FileCounts::new(99, seen(100))).is_exact);
+        let mut liar = FileCounts::new(100, seen(100));
+        liar.disbelieve();
+        assert_eq!((of(&liar).of, of(&liar).is_exact), ([((5, false), 100)].into(), false));
     }
 }

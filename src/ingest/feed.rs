@@ -11,7 +11,7 @@
 
 use super::bins::{Binner, Core, Shared, lock};
 use super::budget::Shares;
-use super::builds::{Builds, Finished, Job, Outcome, Progress};
+use super::builds::{Builds, Finished, Job, Learned, Outcome, Progress};
 use super::counts::Histogram;
 use super::input::Input;
 use super::sparse::{self, Sparse};
@@ -649,8 +649,10 @@ fn maintain_cache(inner: &Inner) {
 }
 
 /// Keeps what was learned. What cannot be kept is learned again.
-fn save_learned(cache: &Cache, learned: &[(Arc<Input>, Vec<Option<RawBounds>>)]) {
-    let kept = learned.iter().try_for_each(|(input, bounds)| cache.save(&input.file, bounds));
+fn save_learned(cache: &Cache, learned: &[Learned]) {
+    let kept = learned
+        .iter()
+        .try_for_each(|Learned { input, bounds, kinds }| cache.save_all(&input.file, bounds, kinds));
     if let Err(error) = kept.and_then(|()| if learned.is_empty() { Ok(()) } else { cache.tidy() }) {
         tracing::debug!("what was learned of files cannot be kept: {error}");
     }

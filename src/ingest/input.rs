@@ -4,6 +4,7 @@ use super::bins::Meaning;
 use crate::coords::Bounds;
 use crate::sample::{RgbDepth, SampledKinds};
 use crate::source::known::Known;
+use crate::source::learned::Counts;
 use crate::source::placement::Placement;
 use crate::source::{LidarFile, PointBlock};
 use glam::DVec3;
@@ -64,6 +65,15 @@ pub struct OpenInput {
     pub known: Known,
     /// The coordinate system that it names.
     pub system: Option<String>,
-    /// What the opening sample has seen of its points.
-    pub kinds: SampledKinds,
+    /// What its points are, as far as that is known before it is read.
+    pub kinds: SeenKinds,
+}
+
+/// What is known of the kinds of a file's points (class, withheld) before it is read.
+#[derive(Clone, Debug, Default)]
+pub struct SeenKinds {
+    /// By the opening sample.
+    pub sampled: SampledKinds,
+    /// By what counted all of it before; empty: nothing did.
+    pub kept: Counts,
 }

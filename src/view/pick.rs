@@ -42,7 +42,7 @@ pub fn caution(point: &PickedPoint, unit: Option<&str>) -> Option<String> {
     let bridged = point.is_bridged.then(|| "bridged: a hole filled".to_owned());
     let coarse = point.coarse_cell.map(|cell| match point.stands_in {
         true => format!("stand-in, cell of {}", length(cell)),
-        false => format!("highest of a cell of {}", length(cell)),
+        false => format!("highest in a cell of {}", length(cell)),
     });
     let all: Vec<_> = side.into_iter().chain(bridged).chain(coarse).collect();
     (!all.is_empty()).then(|| all.join("; "))
@@ -84,7 +84,7 @@ mod tests {
         let bridged = PickedPoint { is_bridged: true, ..side };
         assert_eq!(said(bridged).as_deref(), Some("side, 10.2 m below; bridged: a hole filled"));
         let coarse = PickedPoint { coarse_cell: Some(4.0), ..top };
-        assert_eq!(said(coarse).as_deref(), Some("highest of a cell of 4 m"));
+        assert_eq!(said(coarse).as_deref(), Some("highest in a cell of 4 m"));
         let stand_in = PickedPoint { stands_in: true, ..coarse };
         assert_eq!(said(stand_in).as_deref(), Some("stand-in, cell of 4 m"));
         assert_eq!(logged(Some(&top)), "1.000 2.000 44.180 class 14");

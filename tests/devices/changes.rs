@@ -14,6 +14,7 @@ use lasray::render::frame::Renderer;
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::source::LidarFile;
+use lasray::source::learned::Cache;
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::view;
 use std::fs;
@@ -29,6 +30,11 @@ pub(super) struct Seen {
 
 impl Seen {
     pub fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
+        Seen::with(gpu, paths, camera, None)
+    }
+
+    /// Knowing what is kept there.
+    pub fn with(gpu: Gpu, paths: &[PathBuf], camera: Camera, cache: Option<Cache>) -> Seen {
         let options = view::data::ReadOptions {
             cell: Some(0.25),
             placement: PlacementOptions::default(),
@@ -36,7 +42,7 @@ impl Seen {
             host_bytes: 1 << 30,
             device_bytes: 1 << 28,
             visibility: BRIDGED(),
-            cache: None,
+            cache,
         };
         let inputs = paths.iter().map(|path| path.clone().into_os_string()).collect();
         let data = view::data::Data::open(&gpu, inputs, options, || ()).unwrap();

@@ -6,6 +6,7 @@ use super::scene::{self, real_files};
 use glam::DVec3;
 use lasray::attribute::KindCounts;
 use lasray::render::camera::{Camera, Projection};
+use lasray::source::learned::Cache;
 use lasray::source::placement::Placement;
 use std::collections::BTreeMap;
 use std::fs;
@@ -125,6 +126,48 @@ fn what_is_not_read_stays_an_estimate() {
         seen.until(|data| data.status().points_read == data.status().points);
         assert_eq!(seen.data.status().kinds, all);
         assert_eq!(seen.gpu.messages(), [""; 0]);
+    });
+}
+
+#[test]
+fn what_was_counted_is_known_when_it_is_opened_again() {
+    common::run("counts::what_was_counted_is_known_when_it_is_opened_again", LAVAPIPE, |setup| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = scene::town(folder.path(), "a.las", [-200.0, -100.0], 200.0);
+        let cache = Cache::at(folder.path().join("cache"));
+        let camera = above(DVec3::new(511_900.0, 5_403_000.0, 200.0), 900.0);
+        let all = counted(&[&path]);
+        let gpu = setup.gpu();
+        let open = || Seen::with(setup.gpu(), std::slice::from_ref(&path), camera, Some(cache.clone()));
+        let at_first = |seen: &mut Seen| {
+            while seen.data.status().kinds.of.is_empty() {
+                seen.tick();
+            }
+            seen.data.status()
+        };
+        let mut seen = open();
+        seen.until(|_| true);
+        assert_eq!(seen.data.status().kinds, all);
+        drop(seen);
+        let mut again = open();
+        let status = at_first(&mut again);
+        assert_eq!(status.kinds, all, "{} of {} points are read", status.points_read, status.points);
+        again.until(|_| true);
+        let status = again.data.status();
+        assert_eq!((status.kinds, status.points_read), (all.clone(), status.points));
+        drop(again);
+        // What is kept may be wrong: what is counted counts.
+        let file = lasray::source::LidarFile::open(&path).unwrap();
+        let wrong = all.of.iter().map(|(kind, n)| (*kind, n / 2)).collect();
+        let unknown = vec![None; file.chunks.len()];
+        cache.save_all(&file, &unknown, &wrong).unwrap();
+        let mut seen = open();
+        assert_eq!(at_first(&mut seen).kinds.of, wrong);
+        seen.until(|_| true);
+        assert_eq!(seen.data.status().kinds, all);
+        drop(seen);
+        assert_eq!(cache.load_all(&file).1, all.of, "and is kept");
+        assert_eq!(gpu.messages(), [""; 0]);
     });
 }
 
