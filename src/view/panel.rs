@@ -320,37 +320,22 @@ impl Panel {
     }
 
     fn status(&self, ui: &mut Ui, content: &PanelContent) {
-        ui.horizontal_centered(|ui| {
-            match (&content.point, content.about) {
-                (Some(point), Some(about)) => {
-                    if content.is_kept {
-                        let hint = "what was clicked on; Ctrl+Shift+C copies it, Esc lets go";
-                        ui.label(RichText::new("kept").color(ACCENT)).on_hover_text(hint);
-                    }
-                    ui.label(RichText::new(pick::coordinates(point, about)).monospace());
-                    ui.separator();
-                    let [r, g, b] = class_color(point.class);
-                    let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
-                    ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
-                    ui.label(format!("{} {}", point.class, class_name(point.class)));
-                    let unit = about.unit.as_ref().map(|unit| unit.symbol());
-                    if let Some(caution) = pick::caution(point, unit) {
-                        ui.separator();
-                        ui.label(RichText::new(caution).color(WARN));
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            ui.label(weak("? keys"));
+            ui.separator();
+            ui.label(weak(&content.state));
+            // What is left of the line: it ends before the state does, however narrow the window is.
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                match (&content.point, content.about) {
+                    (Some(point), Some(about)) => place(ui, point, content.is_kept, about),
+                    _ => {
+                        let crs = content.about.map(|about| match &about.crs {
+                            Some(crs) => crs.name.clone(),
+                            None => "no coordinate system is named".to_owned(),
+                        });
+                        ui.add(egui::Label::new(weak(crs.unwrap_or_default())).truncate());
                     }
                 }
-                _ => {
-                    let crs = content.about.map(|about| match &about.crs {
-                        Some(crs) => crs.name.clone(),
-                        None => "no coordinate system is named".to_owned(),
-                    });
-                    ui.label(weak(crs.unwrap_or_default()));
-                }
-            }
-            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                ui.label(weak("? keys"));
-                ui.separator();
-                ui.label(weak(&content.state));
             });
         });
     }
@@ -489,6 +474,30 @@ impl Panel {
                     });
                 });
             });
+        }
+    }
+}
+
+/// What lies under the cursor, or was clicked on.
+fn place(ui: &mut Ui, point: &PickedPoint, is_kept: bool, about: &DataAbout) {
+    if is_kept {
+        let hint = "what was clicked on; Ctrl+Shift+C copies it, Esc lets go";
+        ui.label(RichText::new("kept").color(ACCENT)).on_hover_text(hint);
+    }
+    ui.label(RichText::new(pick::coordinates(point, about)).monospace());
+    ui.separator();
+    let [r, g, b] = class_color(point.class);
+    let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
+    ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
+    let class = format!("{} {}", point.class, class_name(point.class));
+    let unit = about.unit.as_ref().map(|unit| unit.symbol());
+    match pick::caution(point, unit) {
+        None => _ = ui.add(egui::Label::new(class).truncate()),
+        Some(caution) => {
+            ui.label(class);
+            ui.separator();
+            let words = RichText::new(&caution).color(WARN);
+            ui.add(egui::Label::new(words).truncate()).on_hover_text(caution);
         }
     }
 }

@@ -30,8 +30,9 @@ pub fn copied(point: &PickedPoint, about: &DataAbout) -> String {
     format!("{:.digits$}, {:.digits$}, {:.3}", at.x, at.y, at.z)
 }
 
-/// What is to be known beside that: the place is not that of the record, or there is no record, or it stands for a large
-/// cell. `None`: nothing is.
+/// What is to be known beside that: the place is on the side of the record's column, so far below it; there is no record,
+/// but a hole that is bridged; the record is the highest of a cell larger than the finest, which may stand in for them.
+/// `None`: nothing is.
 pub fn caution(point: &PickedPoint, unit: Option<&str>) -> Option<String> {
     let length = |length: f64| {
         let digits = if length < 10.0 { 100.0 } else { 10.0 };
@@ -39,10 +40,10 @@ pub fn caution(point: &PickedPoint, unit: Option<&str>) -> Option<String> {
         unit.map_or(number.clone(), |unit| format!("{number} {unit}"))
     };
     let side = point.below.map(|below| format!("side, {} below", length(below)));
-    let bridged = point.is_bridged.then(|| "bridged: a hole filled".to_owned());
+    let bridged = point.is_bridged.then(|| "bridged hole".to_owned());
     let coarse = point.coarse_cell.map(|cell| match point.stands_in {
-        true => format!("stand-in, cell of {}", length(cell)),
-        false => format!("highest in a cell of {}", length(cell)),
+        true => format!("stand-in, cell {}", length(cell)),
+        false => format!("cell {}", length(cell)),
     });
     let all: Vec<_> = side.into_iter().chain(bridged).chain(coarse).collect();
     (!all.is_empty()).then(|| all.join("; "))
@@ -82,11 +83,11 @@ mod tests {
         assert_eq!(caution(&side, None).as_deref(), Some("side, 10.2 below"));
         assert_eq!(said(PickedPoint { below: Some(0.333), ..top }).as_deref(), Some("side, 0.33 m below"));
         let bridged = PickedPoint { is_bridged: true, ..side };
-        assert_eq!(said(bridged).as_deref(), Some("side, 10.2 m below; bridged: a hole filled"));
+        assert_eq!(said(bridged).as_deref(), Some("side, 10.2 m below; bridged hole"));
         let coarse = PickedPoint { coarse_cell: Some(4.0), ..top };
-        assert_eq!(said(coarse).as_deref(), Some("highest in a cell of 4 m"));
+        assert_eq!(said(coarse).as_deref(), Some("cell 4 m"));
         let stand_in = PickedPoint { stands_in: true, ..coarse };
-        assert_eq!(said(stand_in).as_deref(), Some("stand-in, cell of 4 m"));
+        assert_eq!(said(stand_in).as_deref(), Some("stand-in, cell 4 m"));
         assert_eq!(logged(Some(&top)), "1.000 2.000 44.180 class 14");
         assert_eq!(
             logged(Some(&PickedPoint { is_bridged: true, below: Some(1.5), ..stand_in })),
