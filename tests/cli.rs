@@ -1226,6 +1226,10 @@ fn the_cache_is_never_needed() {
     assert_eq!(entries().len(), 1);
     let then = render("second.png", "kept", &[]);
     assert!(then < all, "{then} of {all} bytes");
+    // The last line tells the points that were read.
+    let line = "render town.laz --size 160x90 --cell 0.125 --orbit 0,90,20 -o told.png";
+    let told = run(folder.path(), &words(line.split(' ')), &[("LASRAY_CACHE", at("kept").to_str().unwrap())]);
+    assert!(told.said.contains(" of 400000 points read, "), "{}", told.said);
     // A file in the place of the folder, and another one in the place of the entry.
     assert_eq!(render("file.png", "town.laz", &[]), all);
     fs::write(&entries()[0], "nonsense").unwrap();

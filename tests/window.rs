@@ -507,10 +507,17 @@ fn what_is_clicked_on_is_kept_and_copied() {
         window.wait("first frame");
         window.focus();
         window.wait("settled");
+        // The image begins beside the panel. Answers to what was asked before may come first.
         let at = |x: u32, y: u32| {
-            window.skip();
             window.xdotool(&["mousemove", &x.to_string(), &y.to_string()]);
-            window.wait("pick ")
+            let place = [(x - 296).to_string(), y.to_string()];
+            loop {
+                let mut pick = window.wait("pick ");
+                let asked = pick.split_off(pick.len() - 3);
+                if asked[1..] == place {
+                    return pick;
+                }
+            }
         };
         // From low over the ground, walls are seen: the record above is told, and that this is its side.
         let places = || (0..200u32).map(|k| (330 + k * 37 % 540, 150 + k * 53 % 400));
@@ -524,7 +531,9 @@ fn what_is_clicked_on_is_kept_and_copied() {
         let click = |window: &Window| {
             window.skip();
             window.xdotool(&["click", "1"]);
-            window.wait("kept ")
+            let mut kept = window.wait("kept ");
+            kept.truncate(kept.len() - 3);
+            kept
         };
         assert_eq!(click(&window), side);
         // It stays whatever lies under the cursor.

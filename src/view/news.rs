@@ -45,7 +45,9 @@ impl Viewer {
         }
         for (answer, is_kept) in self.canvas.take_picks(&mut self.data, &self.navigation.camera)? {
             let name = if is_kept { "kept" } else { "pick" };
-            self.log.line(format_args!("{name} {}", pick::logged(answer.point.as_ref())));
+            let size = self.canvas.size();
+            let [x, y] = [0, 1].map(|axis| answer.at[axis] * f64::from(size[axis]));
+            self.log.line(format_args!("{name} {} at {x:.0} {y:.0}", pick::logged(answer.point.as_ref())));
             // While data arrive, the next frame tells.
             if self.data.is_complete() {
                 self.window.request_redraw();
