@@ -219,6 +219,14 @@ group! { passes:
     BITS_ORIGIN_MASK = 7;
     /// The face.
     BITS_FACE_SHIFT = 12;
+    /// Of the face.
+    BITS_FACE_MASK = 7;
+    /// Detail level of the column: log2 of its side in finest cells.
+    BITS_DETAIL_SHIFT = 15;
+    /// Of the level.
+    BITS_DETAIL_MASK = 31;
+    /// The column is of a section that stands in for a finer one.
+    BITS_STANDS_IN = 1 << 20;
     /// Origin: points fell in the column.
     ORIGIN_MEASURED = 0;
     /// Origin: the column is bridged from those around.

@@ -30,7 +30,11 @@ vec3 srgb_of(uint shows, uint top) {
 // Second word of a finished hit record.
 uint bits_of(uint shows, uint slot, uvec2 column, uint face) {
     bool measured = is_measured(node_pyramid(slot), column, node_wide(slot));
-    return class_of(shows) | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << BITS_ORIGIN_SHIFT | face << BITS_FACE_SHIFT;
+    uint meta = node_meta(slot), detail = meta >> META_DETAIL_SHIFT;
+    // What stands in reaches farther than the node that shows it.
+    uint stands_in = detail + SECTION_LOG2 > (meta & META_LEVEL_MASK) ? BITS_STANDS_IN : 0u;
+    return class_of(shows) | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << BITS_ORIGIN_SHIFT | face << BITS_FACE_SHIFT
+         | detail << BITS_DETAIL_SHIFT | stands_in;
 }
 
 vec3 sky(vec3 direction) {

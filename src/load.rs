@@ -7,14 +7,14 @@ use crate::coords::{
 };
 use crate::ingest::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::ingest::budget::layer_bytes;
-use crate::ingest::input::{Input, OpenInput};
+use crate::ingest::input::{Input, OpenInput, SeenKinds};
 use crate::ingest::workers::{ReadProgress, read_all};
 use crate::problems::Problems;
 use crate::sample::{self, Asked, FileSample, Opened, RgbDepth};
 use crate::section::Columns;
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
-use crate::source::learned::Cache;
+use crate::source::learned::{Cache, Counts};
 use crate::source::length::{Length, NoUnit};
 use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions};
 use crate::source::{LayerMemory, LidarFile, crs::Crs, crs::Unit};
@@ -254,7 +254,8 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         [only] => format!("{}: ", only.file.path().display()),
         _ => String::new(),
     };
-    let sample = sample::take(&opened, &options.placement, &options.asked, &sample::SampleBudget::default());
+    let mut sample =
+        sample::take(&opened, &options.placement, &options.asked, &sample::SampleBudget::default());
     for note in &sample.world.notes {
         let line = match note.file() {
             Some(file) => format!("{}: {note}", opened[file].file.path().display()),
@@ -313,6 +314,11 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
             };
             let FileSample { bounds, ref hull, reach, in_nodes, contradicted, .. } = sample.files[index];
             let hull = hull.as_ref().map(|hull| hull.snapped(grid.height_step));
+            let kinds = SeenKinds {
+                sampled: std::mem::take(&mut sample.files[index].kinds),
+                // Who is wrong about bounds is not believed in anything.
+                kept: if contradicted.is_none() { opened.counts } else { Counts::new() },
+            };
             let known = match contradicted {
                 None => opened.known,
                 Some(told) => {
@@ -320,8 +326,9 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
                     Known::default()
                 }
             };
+            let system = opened.crs.map(|crs| crs.name);
             let input = Input { file: opened.file, placement, rgb };
-            inputs.push(OpenInput { input, bounds, hull, reach, in_nodes, known });
+            inputs.push(OpenInput { input, bounds, hull, reach, in_nodes, known, system, kinds });
         }
     }
     let color = ColorMode::auto(&sample.attributes);
@@ -331,7 +338,6 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         hull: sample.hull.map_or_else(|| Hull::from(&bounds), |hull| hull.snapped(grid.height_step)),
         low: Arc::new(sample.low),
         summary: sample.attributes,
-        classes: sample.classes,
         kinds: sample.kinds,
         color,
         crs: sample.world.crs,
@@ -375,14 +381,14 @@ fn without_too_high(
 fn look_up(opened: &mut [Opened], cache: Option<&Cache>, problems: &mut Problems) {
     let found = sample::parallel(opened.len(), |_, index| {
         let file = &opened[index].file;
-        let mut known = cache.map_or_else(Known::default, |cache| cache.load(file));
+        let (mut known, counts) = cache.map(|cache| cache.load_all(file)).unwrap_or_default();
         let index = if known.is_whole(file) { Ok(Known::default()) } else { lax::look_up(file) };
         file.bytes.release();
         let error = index.map(|index| known.fill_from(index)).err();
-        (known, error)
+        (known, counts, error)
     });
-    for (opened, (known, error)) in opened.iter_mut().zip(found) {
-        opened.known = known;
+    for (opened, (known, counts, error)) in opened.iter_mut().zip(found) {
+        (opened.known, opened.counts) = (known, counts);
         match error {
             Some(error @ LaxError::Older { .. }) => problems.note(error),
             Some(error) => problems.warn(error),
@@ -485,7 +491,6 @@ pub fn tiles_of(
         bounds,
         hull: Hull::of(&places).map_or_else(|| Hull::from(&bounds), |hull| hull.stretched(&bounds)),
         low: Arc::new(LowSurface::of(&bounds, &places)),
-        classes: summary.classes.clone(),
         kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),
         summary,
         color: ColorMode::Rgb,
@@ -511,8 +516,6 @@ pub struct About {
     pub low: Arc<LowSurface>,
     /// What colours are chosen by: of the points that were asked for.
     pub summary: AttributeSummary,
-    /// Points of each class in the sample, hidden ones included; estimates.
-    pub classes: Box<[u64; 256]>,
     /// Kinds of points that the sample has seen, hidden ones included.
     pub kinds: Kinds,
     /// What `--color auto` comes to.

@@ -449,7 +449,7 @@ fn bad_files() -> Vec<Case> {
             1,
             &["none.laz: holds no points"],
         ),
-        Case::file("one.las", las(1), 0, &["1 point in 1 section"]),
+        Case::file("one.las", las(1), 0, &["1 point read, 1 section"]),
         // Sections of one point each: the budget is looked at before there are thousands of them.
         Case {
             memory: 500 << 20,
@@ -469,7 +469,7 @@ fn bad_files() -> Vec<Case> {
                 scattered(60_000),
                 &["--cell", "1e-5", "--host-memory", "16MiB", "--device-memory", "16MiB"],
                 0,
-                &["60000 points in", "cells of 0.00001 units"],
+                &["60000 points read", "cells of 0.00001 units"],
             )
         },
     ];
@@ -896,12 +896,12 @@ fn inputs_and_outputs() {
                 Some(words(["x.las", "-o", "out/a.png"]))
             },
         ),
-        Case::new("bad beside good", 0, &["error: ./bad.laz: empty file", "600 points in "], move |folder| {
+        Case::new("bad beside good", 0, &["error: ./bad.laz: empty file", "600 points "], move |folder| {
             two(folder);
             fs::write(folder.join("bad.laz"), "").unwrap();
             Some(words([".", "-o", "out/a.png"]))
         }),
-        Case::new("bad beside good, strict", 1, &["bad.laz: empty file", "600 points in "], move |folder| {
+        Case::new("bad beside good, strict", 1, &["bad.laz: empty file", "600 points "], move |folder| {
             two(folder);
             fs::write(folder.join("bad.laz"), "").unwrap();
             Some(words(["a.las", "b.las", "bad.laz", "--strict", "-o", "out/a.png"]))
@@ -910,7 +910,7 @@ fn inputs_and_outputs() {
         Case::new(
             "list",
             0,
-            &["error: tiles.txt, line 3: gone.las: no such file or folder", "300 points in "],
+            &["error: tiles.txt, line 3: gone.las: no such file or folder", "300 points "],
             move |folder| {
                 two(folder);
                 fs::write(folder.join("tiles.txt"), "# tiles\na.las\ngone.las\n").unwrap();
@@ -989,7 +989,7 @@ fn inputs_and_outputs() {
             ..Case::arguments(&[], 1, &["no Vulkan device: install a driver", "apt install"])
         }
         .leaving(&[]),
-        Case::new("a thousand alike", 0, &["error: and 995 more: empty file", "300 points in "], |folder| {
+        Case::new("a thousand alike", 0, &["error: and 995 more: empty file", "300 points "], |folder| {
             fs::create_dir(folder.join("tiles")).unwrap();
             fs::write(folder.join("tiles/good.las"), las(300)).unwrap();
             (0..1000).for_each(|k| fs::write(folder.join(format!("tiles/{k}.las")), "").unwrap());
@@ -1005,7 +1005,7 @@ fn of_this_system() -> Vec<Case> {
     use std::os::unix::ffi::OsStrExt;
     use std::os::unix::fs::{PermissionsExt, symlink};
     vec![
-        Case::new("dead link", 0, &["error: sub/y.las: cannot be read: ", "300 points in "], |folder| {
+        Case::new("dead link", 0, &["error: sub/y.las: cannot be read: ", "300 points "], |folder| {
             fs::create_dir(folder.join("sub")).unwrap();
             fs::write(folder.join("sub/a.las"), las(300)).unwrap();
             symlink("gone", folder.join("sub/y.las")).unwrap();
@@ -1053,7 +1053,7 @@ fn of_this_system() -> Vec<Case> {
             fs::write(folder.join("a.las"), las(300)).unwrap();
             Some(words(["a.las", "-o", "/proc/a.png"]))
         }),
-        Case::new("name in no encoding", 0, &["300 points in "], |folder| {
+        Case::new("name in no encoding", 0, &["300 points "], |folder| {
             let name = OsStr::from_bytes(b"ab\xffc.las").to_owned();
             if fs::write(folder.join(&name), las(300)).is_err() {
                 eprintln!("skipped: this file system wants names in UTF-8");
@@ -1222,6 +1222,10 @@ fn the_cache_is_never_needed() {
     assert_eq!(entries().len(), 1);
     let then = render("second.png", "kept", &[]);
     assert!(then < all, "{then} of {all} bytes");
+    // The last line tells the points that were read.
+    let line = "render town.laz --size 160x90 --cell 0.125 --orbit 0,90,20 -o told.png";
+    let told = run(folder.path(), &words(line.split(' ')), &[("LASRAY_CACHE", at("kept").to_str().unwrap())]);
+    assert!(told.said.contains(" of 400000 points read, "), "{}", told.said);
     // A file in the place of the folder, and another one in the place of the entry.
     assert_eq!(render("file.png", "town.laz", &[]), all);
     fs::write(&entries()[0], "nonsense").unwrap();

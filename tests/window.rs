@@ -485,12 +485,147 @@ fn where_every_point_is_hidden_the_window_says_what_shows_them() {
         let Some(display) = Display::open(test) else { return };
         let (folder, _) = town();
         let window = Window::open(&display, folder.path(), &["--classes", "99", "."]);
-        let why = window.wait_all("hidden ").1;
+        let (before, why) = window.wait_all("hidden ");
+        assert!(before.iter().any(|line| line == "state every point is hidden"), "{before:?}");
         assert!(
             why.starts_with("nothing to draw: no point is of a class that is shown; there are "),
             "{why}"
         );
         assert!(why.contains(" (--classes ") && why.ends_with(" shows them)"), "{why}");
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn what_is_clicked_on_is_kept_and_copied() {
+    common::run("what_is_clicked_on_is_kept_and_copied", LAVAPIPE, |_| {
+        let Some(display) = Display::open("what_is_clicked_on_is_kept_and_copied") else { return };
+        let (folder, file) = town();
+        let options = ["--size", "900x640", "--orbit", "20,15"];
+        let mut window =
+            Window::open(&display, folder.path(), &[&options[..], &[file.to_str().unwrap()]].concat());
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        // The image begins beside the panel. Answers to what was asked before may come first.
+        let at = |x: u32, y: u32| {
+            window.xdotool(&["mousemove", &x.to_string(), &y.to_string()]);
+            let place = [(x - 296).to_string(), y.to_string()];
+            loop {
+                let mut pick = window.wait("pick ");
+                let asked = pick.split_off(pick.len() - 3);
+                if asked[1..] == place {
+                    return pick;
+                }
+            }
+        };
+        // From low over the ground, walls are seen: the record above is told, and that this is its side.
+        let places = || (0..200u32).map(|k| (330 + k * 37 % 540, 150 + k * 53 % 400));
+        let find = |is: &dyn Fn(&[String]) -> bool| {
+            let found = places().map(|(x, y)| at(x, y)).find(|pick| is(pick));
+            found.expect("there is such a place")
+        };
+        let side = find(&|pick| pick.iter().any(|word| word == "side"));
+        let below: f64 = side[side.iter().position(|w| w == "side").unwrap() + 1].parse().unwrap();
+        assert!(below > 0.0, "{side:?}");
+        let click = |window: &Window| {
+            window.skip();
+            window.xdotool(&["click", "1"]);
+            let mut kept = window.wait("kept ");
+            kept.truncate(kept.len() - 3);
+            kept
+        };
+        assert_eq!(click(&window), side);
+        // It stays whatever lies under the cursor.
+        let other = find(&|pick| pick[0] != "nothing" && pick[..3] != side[..3]);
+        let copied = |window: &Window| {
+            window.key("ctrl+shift+c");
+            let words = window.wait("copied ");
+            words.iter().map(|word| word.trim_end_matches(',').to_owned()).collect::<Vec<_>>()
+        };
+        assert_eq!(copied(&window), side[..3]);
+        window.key("Escape");
+        assert_eq!(copied(&window), other[..3]);
+        assert_eq!(click(&window), other);
+        // A drag keeps nothing.
+        window.skip();
+        window.xdotool(&["mousedown", "1", "mousemove_relative", "--", "40", "0"]);
+        window.xdotool(&["mouseup", "1"]);
+        window.wait("settled");
+        assert_eq!(copied(&window), other[..3]);
+        // The sky is nothing to keep.
+        assert_eq!(at(600, 5), ["nothing"]);
+        assert_eq!(click(&window), ["nothing"]);
+        let under = find(&|pick| pick[0] != "nothing");
+        assert_eq!(copied(&window), under[..3]);
+        assert_eq!(window.end(), Some(0));
+
+        // In degrees, finer than a centimetre.
+        let options = ["--size", "640x480", "--crs", "EPSG:4326", "--orbit", "0,90"];
+        let mut window =
+            Window::open(&display, folder.path(), &[&options[..], &[file.to_str().unwrap()]].concat());
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        window.skip();
+        window.xdotool(&["mousemove", "468", "226"]);
+        window.wait("pick ");
+        let copied = copied(&window);
+        let digits = copied.iter().map(|number| number.split_once('.').unwrap().1.len());
+        assert_eq!(digits.collect::<Vec<_>>(), [8, 8, 3], "{copied:?}");
+        let place: Vec<f64> = copied.iter().map(|number| number.parse().unwrap()).collect();
+        assert!((place[0] - 9.16).abs() < 0.05 && (place[1] - 48.78).abs() < 0.05, "{copied:?}");
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn what_is_said_of_the_data_is_true() {
+    common::run("what_is_said_of_the_data_is_true", LAVAPIPE, |_| {
+        let Some(display) = Display::open("what_is_said_of_the_data_is_true") else { return };
+        let folder = two_tiles();
+        let run = Command::new(env!("CARGO_BIN_EXE_lasray"))
+            .args(["info", "tiles", "--scan", "--json", "-"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let scan: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap();
+        // As the window lists them.
+        let classes = |scan: &serde_json::Value| {
+            let classes = scan["classes"].as_array().unwrap_or_else(|| panic!("{scan}")).iter();
+            let listed: Vec<_> = classes.map(|c| format!("{}:{}", c["class"], c["points"])).collect();
+            listed.join(" ")
+        };
+        let files = scan["files"].as_array().unwrap();
+        let mut window = Window::open(&display, folder.path(), &["--size", "640x820", "tiles"]);
+        window.wait("first frame");
+        window.focus();
+        let settled = |window: &Window| {
+            let (lines, _) = window.wait_all("settled");
+            let last = |start: &str| {
+                let line = lines.iter().rev().find_map(|line| line.strip_prefix(start));
+                line.unwrap_or_else(|| panic!("no line '{start} …' in {lines:#?}")).to_owned()
+            };
+            ([last("state "), last("points ")], lines.clone())
+        };
+        let (said, lines) = settled(&window);
+        assert_eq!(said, ["200 k points".to_owned(), format!("exact {}", classes(&scan["all"]["scan"]))]);
+        let check = |file: usize| {
+            let start = format!("check {file} ");
+            words(lines.iter().rev().find_map(|line| line.strip_prefix(&start)).unwrap())
+        };
+        let toggle = |window: &Window, at: &[String]| {
+            window.skip();
+            window.xdotool(&["mousemove", &at[0], &at[1], "click", "1"]);
+        };
+        let [first, second] = [check(0), check(1)];
+        toggle(&window, &first);
+        let (said, _) = settled(&window);
+        assert_eq!(said[1], format!("exact {}", classes(&files[1]["scan"])));
+        toggle(&window, &second);
+        let (said, lines) = settled(&window);
+        assert_eq!(said, ["no file is shown", "exact "]);
+        assert!(lines.iter().all(|line| !line.starts_with("hidden")), "{lines:?}");
         assert_eq!(window.end(), Some(0));
     });
 }

@@ -5,6 +5,7 @@
 
 mod class;
 mod class_names;
+mod counts;
 mod mode;
 mod oklab;
 mod ramp;
@@ -16,6 +17,7 @@ mod table;
 
 pub use class::{ClassMask, Kinds, class_color, class_name, tells_nothing};
 pub use class_names::{class_names, classes_named};
+pub use counts::KindCounts;
 pub use mode::ColorMode;
 pub use ramp::Ramp;
 pub(crate) use record::unbias;

@@ -6,12 +6,15 @@
 //! read twice does no harm.
 
 use super::bins::Shared;
+use super::counts::{self, FileCounts};
 use super::input::{Input, OpenInput};
+use crate::attribute::{KindCounts, Kinds};
 use crate::coords::{Extent, Grid, SectionKey};
 use crate::limits::LIMITS;
 use crate::section::{PayloadKey, PayloadKind};
 use crate::source::SourceError;
 use crate::source::known::{RawBounds, Told};
+use crate::source::learned::Counts;
 use glam::DVec3;
 use roaring::RoaringBitmap;
 use std::collections::{HashMap, HashSet, VecDeque};
@@ -38,6 +41,8 @@ pub struct Source {
     busy: u32,
     /// More was learned of its chunks than has been handed out.
     has_learned: bool,
+    /// What its points are.
+    counts: FileCounts,
 }
 
 /// What is known of a chunk.
@@ -52,6 +57,8 @@ struct Chunk {
     broken: bool,
     /// It was said that points of it are nowhere.
     is_told: bool,
+    /// Its points are among those of [`Source::counts`].
+    is_counted: bool,
     /// Sections that lack it.
     lacked_by: u32,
 }
@@ -95,6 +102,8 @@ pub struct Job {
     pub index: usize,
     /// Who lacks it.
     pub targets: Vec<(PayloadKey, Shared)>,
+    /// Its points are to be counted.
+    pub counts: bool,
 }
 
 /// What came of a job.
@@ -108,6 +117,18 @@ pub struct Outcome {
     pub points: u64,
     /// Of those, such as no cell or height can hold, or that have no place in the world's coordinate system.
     pub nowhere: u64,
+    /// Points of each kind (class, withheld), where they were counted.
+    pub kinds: Option<Vec<((u8, bool), u64)>>,
+}
+
+/// What was learned of a file.
+pub struct Learned {
+    /// The file.
+    pub input: Arc<Input>,
+    /// Of each chunk, where its points lie.
+    pub bounds: Vec<Option<RawBounds>>,
+    /// Its points of each kind; empty: not all of them were counted.
+    pub kinds: Counts,
 }
 
 /// How far reading is.
@@ -117,6 +138,8 @@ pub struct Progress {
     pub points: u64,
     /// Points decoded since the start, each as often as it was.
     pub points_read: u64,
+    /// Points of the files that are shown which were decoded at least once, by whomever.
+    pub points_seen: u64,
     /// Bytes of the chunks that were read.
     pub bytes_read: u64,
     /// Chunks, and those that were read at least once.
@@ -153,6 +176,8 @@ pub struct Builds {
     /// Files of which wrong bounds were kept.
     forgotten: Vec<usize>,
     progress: Progress,
+    /// Changes to what is known of kinds of points, since the start.
+    counted: u64,
 }
 
 /// The cells of a box, if the grid can count them.
@@ -201,6 +226,7 @@ impl Builds {
             corrected: Vec::new(),
             forgotten: Vec::new(),
             progress: Progress::default(),
+            counted: 0,
         }
     }
 
@@ -245,7 +271,8 @@ impl Builds {
 
     /// A file and its chunks, of which the first is to be `first`.
     fn source(&self, source: usize, first: u32, open: OpenInput) -> (Source, Vec<Chunk>) {
-        let OpenInput { input, bounds, reach, in_nodes, known, .. } = open;
+        let OpenInput { input, bounds, reach, in_nodes, known, kinds, hull: _, system: _ } = open;
+        let counts = FileCounts::new(input.file.points(), kinds);
         let grid = self.grid;
         let extent = bounds.and_then(|b| {
             let [low, high] = cells_of(&grid, b.min, b.max)?;
@@ -271,6 +298,7 @@ impl Builds {
                 busy: false,
                 broken: false,
                 is_told: false,
+                is_counted: false,
                 lacked_by: 0,
             });
         }
@@ -283,6 +311,7 @@ impl Builds {
             first,
             busy: 0,
             has_learned: false,
+            counts,
         };
         (source, chunks)
     }
@@ -459,12 +488,14 @@ impl Builds {
             .filter(|(_, build)| build.lacks.contains(chunk))
             .map(|(&key, build)| (key, Arc::clone(&build.columns)))
             .collect();
-        Some(Job { chunk, input: Arc::clone(&source.input), index: (chunk - source.first) as usize, targets })
+        let counts = !self.chunks[chunk as usize].is_counted;
+        let index = (chunk - source.first) as usize;
+        Some(Job { chunk, input: Arc::clone(&source.input), index, targets, counts })
     }
 
     /// Takes in what came of a job.
     pub fn finish_job(&mut self, job: Job, outcome: Outcome) {
-        let Job { chunk, input, index, targets } = job;
+        let Job { chunk, input, index, targets, counts: _ } = job;
         self.progress.points_read += outcome.points;
         self.progress.bytes_read += input.file.chunks[index].byte_len;
         let state = &mut self.chunks[chunk as usize];
@@ -483,6 +514,15 @@ impl Builds {
         }
         let lost = matches!(outcome.error, Some(SourceError::Io { .. } | SourceError::Changed { .. }));
         let broken = outcome.error.is_some();
+        // Of a damaged chunk there is no more than was read; one of a file that is lost may be there again.
+        if let Some(kinds) = outcome.kinds.filter(|_| !lost)
+            && !std::mem::replace(&mut state.is_counted, true)
+        {
+            let of_file = &mut self.sources[source];
+            of_file.counts.count(input.file.chunks[index].records, kinds);
+            of_file.has_learned |= of_file.counts.news().is_some();
+            self.counted += 1;
+        }
         if let Some(error) = outcome.error {
             // A file that vanished or changed, or a disk that fails, is named once, not once a chunk.
             let known = lost && std::mem::replace(&mut self.sources[source].lost, true);
@@ -576,6 +616,7 @@ impl Builds {
             }
         }
         if told == Told::Cache {
+            self.sources[source].counts.disbelieve();
             self.forgotten.push(source);
         }
         self.changed(source);
@@ -600,14 +641,31 @@ impl Builds {
         }
     }
 
-    /// Files of which something was learned since this was asked last, with all that is known of their chunks.
-    pub fn take_learned(&mut self) -> Vec<(Arc<Input>, Vec<Option<RawBounds>>)> {
+    /// Points of these kinds were seen in a file.
+    pub fn note_kinds(&mut self, source: usize, kinds: &Kinds) {
+        self.sources[source].counts.note(kinds);
+        self.counted += 1;
+    }
+
+    /// What the points of the files that are shown are, and a number that changes with that; `None` where it is still
+    /// `known`.
+    pub fn kinds(&self, known: Option<[u64; 2]>) -> Option<([u64; 2], KindCounts)> {
+        let version = [self.revision, self.counted];
+        let shown = || self.sources.iter().filter(|source| source.visible).map(|source| &source.counts);
+        (known != Some(version)).then(|| (version, counts::of_all(shown())))
+    }
+
+    /// Files of which something was learned since this was asked last, with all that is known of their chunks, and what was
+    /// counted of them if that is all of it.
+    pub fn take_learned(&mut self) -> Vec<Learned> {
         let mut learned = Vec::new();
         for source in 0..self.sources.len() {
             if std::mem::take(&mut self.sources[source].has_learned) {
                 let bounds =
                     self.chunks_of(source).map(|chunk| self.chunks[chunk as usize].learned).collect();
-                learned.push((Arc::clone(&self.sources[source].input), bounds));
+                let Source { input, counts, .. } = &self.sources[source];
+                let kinds = counts.news().cloned().unwrap_or_default();
+                learned.push(Learned { input: Arc::clone(input), bounds, kinds });
             }
         }
         learned
@@ -650,7 +708,9 @@ impl Builds {
 
     /// How far it is.
     pub fn progress(&self) -> Progress {
+        let shown = self.sources.iter().filter(|source| source.visible);
         Progress {
+            points_seen: shown.map(|source| source.input.file.points() - source.counts.left()).sum(),
             builds: self.builds.len() as u64,
             build_bytes: self.waiting_bytes + self.builds.values().map(|build| build.bytes).sum::<u64>(),
             ..self.progress

@@ -11,10 +11,12 @@
 
 use super::bins::{Binner, Core, Shared, lock};
 use super::budget::Shares;
-use super::builds::{Builds, Finished, Job, Outcome, Progress};
+use super::builds::{Builds, Finished, Job, Learned, Outcome, Progress};
+use super::counts::Histogram;
 use super::input::Input;
 use super::sparse::{self, Sparse};
 use super::workers::panicked;
+use crate::attribute::KindCounts;
 use crate::coords::{Grid, SectionKey};
 use crate::limits::LIMITS;
 use crate::section::{Payload, PayloadKey, PayloadKind};
@@ -418,6 +420,12 @@ impl Feed {
         self.inner.arriving.load(Ordering::Relaxed) + self.inner.layers.held()
     }
 
+    /// What points there are, and a number that changes with that; `None` where it is still `known`, or one would have to
+    /// wait. See [`Builds::kinds`].
+    pub fn try_kinds(&self, known: Option<[u64; 2]>) -> Option<([u64; 2], KindCounts)> {
+        self.inner.try_lock()?.builds.kinds(known)
+    }
+
     /// How far it is. Waits as [`Feed::lock`] does.
     pub fn progress(&self) -> Progress {
         self.inner.lock().builds.progress()
@@ -504,7 +512,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
             }
             Task::Sample { source, input, level, most, read, sections } => {
                 let taken = caught(|| {
-                    let Tools { decoder, binner } = &mut tools;
+                    let Tools { decoder, binner, .. } = &mut tools;
                     let of_file = read.unwrap_or_else(|| Arc::new(Sparse::read(decoder, &input.file, most)));
                     let section = |key: SectionKey| {
                         Some(Arc::clone(lock(&sections).entry(SectionKey { level, ..key }).or_default()))
@@ -528,6 +536,7 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 // Another file may be in its place by now.
                 if Arc::ptr_eq(&input, &builds.sources()[source].input) {
                     builds.check_sample(source, of_file.bounds());
+                    builds.note_kinds(source, of_file.kinds());
                     if of_file.is_whole() {
                         sparse.insert(source, (input, of_file));
                     }
@@ -579,11 +588,16 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
 struct Tools {
     decoder: Decoder,
     binner: Binner,
+    histogram: Histogram,
 }
 
 impl Tools {
     fn new(layers: &LayerMemory) -> Tools {
-        Tools { decoder: Decoder::sharing(layers), binner: Binner::default() }
+        Tools {
+            decoder: Decoder::sharing(layers),
+            binner: Binner::default(),
+            histogram: Histogram::default(),
+        }
     }
 }
 
@@ -635,8 +649,10 @@ fn maintain_cache(inner: &Inner) {
 }
 
 /// Keeps what was learned. What cannot be kept is learned again.
-fn save_learned(cache: &Cache, learned: &[(Arc<Input>, Vec<Option<RawBounds>>)]) {
-    let kept = learned.iter().try_for_each(|(input, bounds)| cache.save(&input.file, bounds));
+fn save_learned(cache: &Cache, learned: &[Learned]) {
+    let kept = learned
+        .iter()
+        .try_for_each(|Learned { input, bounds, kinds }| cache.save_all(&input.file, bounds, kinds));
     if let Err(error) = kept.and_then(|()| if learned.is_empty() { Ok(()) } else { cache.tidy() }) {
         tracing::debug!("what was learned of files cannot be kept: {error}");
     }
@@ -655,12 +671,15 @@ fn read(inner: &Inner, core: &Core, tools: &mut Tools, job: &Job) -> Outcome {
         levels.into_iter().map(|(level, of_level)| (grid_at(&inner.grid, level), of_level)).collect();
     let mut outcome = Outcome::default();
     let mut raw = RawBounds::NOTHING;
-    let Tools { decoder, binner } = &mut *tools;
+    let Tools { decoder, binner, histogram } = &mut *tools;
     let result = caught(|| {
         decoder.decode(file, chunk, 0..chunk.records, &mut |block: &PointBlock| {
             outcome.points += block.len() as u64;
             for (axis, values) in [&block.x, &block.y, &block.z].into_iter().enumerate() {
                 raw.widen(axis, values);
+            }
+            if job.counts {
+                histogram.add(block);
             }
             let mut nowhere = 0;
             for (grid, of_level) in &levels {
@@ -670,6 +689,7 @@ fn read(inner: &Inner, core: &Core, tools: &mut Tools, job: &Job) -> Outcome {
             outcome.nowhere += nowhere;
         })
     });
+    outcome.kinds = job.counts.then(|| histogram.take());
     let result = result.unwrap_or_else(|reason| {
         *tools = Tools::new(&inner.layers);
         Err(panicked(file, chunk, outcome.points, &reason))

@@ -2,8 +2,9 @@
 
 use super::bins::Meaning;
 use crate::coords::{Bounds, Hull};
-use crate::sample::RgbDepth;
+use crate::sample::{RgbDepth, SampledKinds};
 use crate::source::known::Known;
+use crate::source::learned::Counts;
 use crate::source::placement::Placement;
 use crate::source::{LidarFile, PointBlock};
 use glam::DVec3;
@@ -64,4 +65,17 @@ pub struct OpenInput {
     pub in_nodes: bool,
     /// What else is known of where its chunks lie.
     pub known: Known,
+    /// The coordinate system that it names.
+    pub system: Option<String>,
+    /// What its points are, as far as that is known before it is read.
+    pub kinds: SeenKinds,
+}
+
+/// What is known of the kinds of a file's points (class, withheld) before it is read.
+#[derive(Clone, Debug, Default)]
+pub struct SeenKinds {
+    /// By the opening sample.
+    pub sampled: SampledKinds,
+    /// By what counted all of it before; empty: nothing did.
+    pub kept: Counts,
 }

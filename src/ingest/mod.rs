@@ -4,6 +4,7 @@ pub mod bins;
 pub mod budget;
 pub mod builds;
 pub mod changes;
+pub mod counts;
 pub mod feed;
 pub mod input;
 pub mod sparse;

@@ -8,7 +8,10 @@ use crate::gpu::{
 };
 use crate::resident::scene::Scene;
 use crate::resident::table::Table;
-use crate::shared::passes::{BITS_CLASS_MASK, SCREEN_THREADS, WIDE_TILE};
+use crate::shared::passes::{
+    BITS_CLASS_MASK, BITS_DETAIL_MASK, BITS_DETAIL_SHIFT, BITS_FACE_MASK, BITS_FACE_SHIFT, BITS_ORIGIN_MASK,
+    BITS_ORIGIN_SHIFT, BITS_STANDS_IN, FACE_TOP, ORIGIN_BRIDGED, SCREEN_THREADS, WIDE_TILE,
+};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use std::sync::Arc;
@@ -30,15 +33,42 @@ struct ScreenPush {
     scale: f32,
 }
 
-/// A point that a ray has hit.
+/// What a ray has hit: a place on a column, and the record that the column is of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PickedPoint {
-    /// Where it is shown, vertical exaggeration included.
+    /// The place as it is shown, vertical exaggeration included.
     pub shown: DVec3,
-    /// Its true height.
+    /// True height of the record, to half a step of the heights' lattice: the highest of its column that is shown.
     pub height: f64,
-    /// Class of what is shown there.
+    /// Class of the record.
     pub class: u8,
+    /// How far the place lies below the record, on the column's side (or within it, where the eye is); `None`: on its top.
+    pub below: Option<f64>,
+    /// The column holds no record: it bridges a hole, as high as those around.
+    pub is_bridged: bool,
+    /// Of the column's side, CRS units, where it is not one of the finest cells.
+    pub coarse_cell: Option<f64>,
+    /// The column stands in for finer ones, which are still to come.
+    pub stands_in: bool,
+}
+
+impl PickedPoint {
+    /// Of a finished hit record; `None`: nothing was hit.
+    fn of(renderer: &Renderer, asked: &PendingPick, hit: &HitRecord) -> Option<PickedPoint> {
+        let class = u8::try_from(hit.bits & BITS_CLASS_MASK).ok()?;
+        let (shown, [place, height]) = renderer.point_of(&asked.rays, hit, asked.pixel);
+        let is_top = hit.bits >> BITS_FACE_SHIFT & BITS_FACE_MASK == FACE_TOP;
+        let detail = hit.bits >> BITS_DETAIL_SHIFT & BITS_DETAIL_MASK;
+        Some(PickedPoint {
+            shown,
+            height,
+            class,
+            below: (!is_top).then(|| (height - place).max(0.0)),
+            is_bridged: hit.bits >> BITS_ORIGIN_SHIFT & BITS_ORIGIN_MASK == ORIGIN_BRIDGED,
+            coarse_cell: (detail > 0).then(|| renderer.cell_of(detail)),
+            stands_in: hit.bits & BITS_STANDS_IN != 0,
+        })
+    }
 }
 
 /// What was found under a point of the image.
@@ -283,11 +313,7 @@ impl Screen {
             let (Some(asked), Some(back)) = (slot.asked.take(), &slot.back) else { continue };
             let mut hit = HitRecord::zeroed();
             scene.order.read(point, back, 0, bytemuck::bytes_of_mut(&mut hit))?;
-            let class = u8::try_from(hit.bits & BITS_CLASS_MASK).ok();
-            let found = class.map(|class| {
-                let (shown, height) = renderer.point_of(&asked.rays, &hit, asked.pixel);
-                PickedPoint { shown, height, class }
-            });
+            let found = PickedPoint::of(renderer, &asked, &hit);
             picks.push((point.value(), Pick { at: asked.at, point: found }));
         }
         picks.sort_by_key(|(value, _)| *value);

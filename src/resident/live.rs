@@ -10,6 +10,7 @@ use super::demand::Demand;
 use super::payloads::Payloads;
 use super::policy;
 use super::scene::Scene;
+use crate::attribute::KindCounts;
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
 use crate::ingest::bins::Core;
@@ -423,6 +424,12 @@ impl Live {
     /// The same, unless one would have to wait for it: for frames.
     pub fn try_status(&self, scene: &Scene) -> Option<Status> {
         Some(self.status_with(scene, self.feed.try_progress()?))
+    }
+
+    /// What points the files that are shown have, and a number that changes with that; `None` where it is still `known`, or
+    /// one would have to wait for a thread that reads.
+    pub fn try_kinds(&self, known: Option<[u64; 2]>) -> Option<([u64; 2], KindCounts)> {
+        self.feed.try_kinds(known)
     }
 
     fn status_with(&self, scene: &Scene, progress: Progress) -> Status {

@@ -19,11 +19,32 @@ use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
 use crate::source::{FLAG_WITHHELD, SourceError};
 use glam::DVec3;
+use std::collections::BTreeMap;
 
 /// Points spread over the set that one place of neighbouring points is worth.
 const PLACE_WORTH: f64 = 250.0;
 /// Likewise the head of a chunk.
 const HEAD_WORTH: f64 = 40.0;
+
+/// The kinds of points (class, withheld) that the sample has seen of a file.
+#[derive(Clone, Debug, Default)]
+pub struct SampledKinds {
+    /// What they weigh among each other; points, where `is_whole`.
+    pub weights: BTreeMap<(u8, bool), f64>,
+    /// Every point of the file was seen.
+    pub is_whole: bool,
+}
+
+impl SampledKinds {
+    fn of(seen: &[(&Seen, f64)], is_whole: bool) -> SampledKinds {
+        let mut weights = BTreeMap::new();
+        for (seen, weight) in seen {
+            let kind = (seen.class, seen.flags & FLAG_WITHHELD != 0);
+            *weights.entry(kind).or_default() += if is_whole { 1.0 } else { *weight };
+        }
+        SampledKinds { weights, is_whole }
+    }
+}
 
 /// What the sample says of one file.
 #[derive(Clone, Debug)]
@@ -42,6 +63,8 @@ pub struct FileSample {
     pub in_nodes: bool,
     /// Who is wrong about where its chunks lie, as far as the sample says.
     pub contradicted: Option<Told>,
+    /// What its points are, as far as they were seen.
+    pub kinds: SampledKinds,
 }
 
 /// The opening sample's decisions.
@@ -185,7 +208,9 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
                 let (reach, in_nodes, contradicted) =
                     (sample.reach(index), in_nodes[index], contradicted[index]);
                 let rgb_constant = rgb::constant(&stored[index]).filter(|_| rgb != RgbDepth::None);
-                FileSample { rgb, rgb_constant, bounds, hull, reach, in_nodes, contradicted }
+                let (seen, all) = (&sample.points[index], files[index].file.points());
+                let kinds = SampledKinds::of(seen, whole && seen.len() as u64 == all);
+                FileSample { rgb, rgb_constant, bounds, hull, reach, in_nodes, contradicted, kinds }
             })
             .collect(),
         problems,

@@ -27,7 +27,7 @@ mod weighted;
 
 pub use budget::SampleBudget;
 pub use cell::{CellChoice, GroundPatch, choose as choose_cell};
-pub use decide::{FileSample, Sample, take};
+pub use decide::{FileSample, Sample, SampledKinds, take};
 pub use frame::FrameNote;
 pub use open::{Opened, open_all};
 pub(crate) use parallel::parallel;

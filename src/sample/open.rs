@@ -3,6 +3,7 @@
 use super::parallel::parallel;
 use crate::source::crs::{self, Crs, CrsError};
 use crate::source::known::Known;
+use crate::source::learned::Counts;
 use crate::source::{LidarFile, SourceError};
 use std::path::{Path, PathBuf};
 
@@ -17,6 +18,8 @@ pub struct Opened {
     pub crs_errors: Vec<CrsError>,
     /// What is known of where its chunks lie, beside what it says itself: nothing, unless somebody has looked.
     pub known: Known,
+    /// How many points it has of each kind; empty: nobody has counted.
+    pub counts: Counts,
 }
 
 /// Opens every path on all cores; results in the order of `paths`. Handles are released again: thousands
@@ -26,7 +29,7 @@ pub fn open_all(paths: &[PathBuf]) -> Vec<Result<Opened, SourceError>> {
         let file = LidarFile::open(path)?;
         let (crs, crs_errors) = crs::of_file(&file)?;
         file.bytes.release();
-        Ok(Opened { file, crs, crs_errors, known: Known::default() })
+        Ok(Opened { file, crs, crs_errors, known: Known::default(), counts: Counts::new() })
     };
     parallel(paths.len(), |_, index| open(&paths[index]))
 }

@@ -1,5 +1,5 @@
 //! What was learned of files, kept in the user's cache folder: the bounds of each chunk's points, so that the next view
-//! reads only what it touches. Never needed: where something is missing, wrong or cannot be written, files are read as
+//! reads only what it touches, and how many points there are of each class. Never needed: where something is missing, wrong or cannot be written, files are read as
 //! if there were no cache.
 //!
 //! One file for each input, named by a hash of its path, little endian:
@@ -12,12 +12,14 @@
 //! | 8, 8 | digest of its header and of where its chunks lie, chunks |
 //! | … | its path |
 //! | 24 each | raw bounds of the chunks: least X, Y, Z, largest X, Y, Z; not known: least above largest |
+//! | 8 each | points of each kind: class << 56 \| withheld << 55 \| how many; none: they were not counted to the end |
 //! | 8 | XXH3 of all before |
 //!
 //! Entries are written whole or not at all.
 
 use super::LidarFile;
 use super::known::{Known, RawBounds, Told};
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -25,9 +27,15 @@ use std::time::SystemTime;
 use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
 const MAGIC: &[u8; 8] = b"LASRAYCB";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Bytes of a chunk's bounds.
 const BOUNDS: usize = 24;
+/// Bytes of the number of points of a kind.
+const COUNT: usize = 8;
+/// Where in it the kind is.
+const KIND_SHIFT: u32 = 55;
+/// Most kinds that there are.
+const MOST_KINDS: usize = 512;
 /// Bytes of the checksum.
 const SUM: usize = 8;
 /// Bytes that all entries together may take.
@@ -36,6 +44,16 @@ const MOST_BYTES: u64 = 256 << 20;
 const LEAST_RATIO: u64 = 2000;
 /// Names the folder, in the place of the user's cache folder.
 const VARIABLE: &str = "LASRAY_CACHE";
+
+/// Points of each kind: class, and whether they are withheld.
+pub type Counts = BTreeMap<(u8, bool), u64>;
+
+/// What is kept of a file.
+#[derive(Debug, Default, PartialEq)]
+struct Kept {
+    bounds: Vec<Option<RawBounds>>,
+    kinds: Counts,
+}
 
 /// A folder of entries.
 #[derive(Clone, Debug)]
@@ -69,22 +87,42 @@ impl Cache {
         Cache { most_bytes, ..self }
     }
 
-    /// What was learned of a file, where that is of this very file and lies within its header's bounds.
+    /// What was learned of where the points of a file lie, where that is of this very file and within its header's bounds.
     pub fn load(&self, file: &LidarFile) -> Known {
-        let Some(entry) = Entry::of(&self.folder, file) else { return Known::default() };
-        let mut bounds = entry.read(file).unwrap_or_default();
+        self.load_all(file).0
+    }
+
+    /// The same, and how many points there are of each kind; empty: that is not known.
+    pub fn load_all(&self, file: &LidarFile) -> (Known, Counts) {
+        let Some(entry) = Entry::of(&self.folder, file) else { return Default::default() };
+        let Kept { mut bounds, kinds } = entry.read(file).unwrap_or_default();
         for of_chunk in &mut bounds {
             *of_chunk = of_chunk.filter(|bounds| bounds.in_header(&file.header));
         }
-        Known::new(Told::Cache, bounds)
+        (Known::new(Told::Cache, bounds), kinds)
     }
 
     /// Keeps what was learned of a file, beside what is kept of it already.
     pub fn save(&self, file: &LidarFile, learned: &[Option<RawBounds>]) -> io::Result<()> {
+        self.save_all(file, learned, &Counts::new())
+    }
+
+    /// The same, with the points of each kind; empty: that is not known.
+    pub fn save_all(
+        &self,
+        file: &LidarFile,
+        learned: &[Option<RawBounds>],
+        kinds: &Counts,
+    ) -> io::Result<()> {
         let Some(entry) = Entry::of(&self.folder, file) else { return Ok(()) };
-        let old = entry.read(file).unwrap_or_else(|| vec![None; file.chunks.len()]);
-        let merged: Vec<_> = old.iter().zip(learned).map(|(old, new)| new.or(*old)).collect();
-        if merged == old || merged.len() != file.chunks.len() {
+        let nothing = || Kept { bounds: vec![None; file.chunks.len()], kinds: Counts::new() };
+        let old = entry.read(file).unwrap_or_else(nothing);
+        let bounds = old.bounds.iter().zip(learned).map(|(old, new)| new.or(*old)).collect();
+        let len = (entry.len(file.chunks.len()) + COUNT * kinds.len()) as u64;
+        let is_worth_it = !kinds.is_empty() && len.saturating_mul(LEAST_RATIO) <= file.bytes.len();
+        let kinds = if is_worth_it { kinds } else { &old.kinds };
+        let merged = Kept { bounds, kinds: kinds.clone() };
+        if merged == old || merged.bounds.len() != file.chunks.len() {
             return Ok(());
         }
         fs::create_dir_all(&self.folder)?;
@@ -168,29 +206,45 @@ impl Entry {
         self.key.len() + BOUNDS * chunks + SUM
     }
 
-    fn read(&self, file: &LidarFile) -> Option<Vec<Option<RawBounds>>> {
-        let len = self.len(file.chunks.len());
-        if fs::metadata(&self.path).ok()?.len() != len as u64 {
+    fn read(&self, file: &LidarFile) -> Option<Kept> {
+        let least = self.len(file.chunks.len());
+        let is_len = |len: u64| (least as u64..=(least + MOST_KINDS * COUNT) as u64).contains(&len);
+        if !is_len(fs::metadata(&self.path).ok()?.len()) {
             return None;
         }
-        let raw = fs::read(&self.path).ok().filter(|raw| raw.len() == len && raw.starts_with(&self.key))?;
-        let (body, sum) = raw.split_at(len - SUM);
+        let raw = fs::read(&self.path).ok()?;
+        if !is_len(raw.len() as u64) || !raw.starts_with(&self.key) {
+            return None;
+        }
+        let (body, sum) = raw.split_at(raw.len() - SUM);
         if xxh3_64(body).to_le_bytes() != sum {
             return None;
         }
+        let (of_chunks, of_kinds) = body[self.key.len()..].split_at(BOUNDS * file.chunks.len());
+        let (words, []) = of_kinds.as_chunks::<COUNT>() else { return None };
+        let count = |word: &[u8; COUNT]| {
+            let word = u64::from_le_bytes(*word);
+            let kind = word >> KIND_SHIFT;
+            (((kind >> 1) as u8, kind & 1 != 0), word & ((1 << KIND_SHIFT) - 1))
+        };
+        let kinds: Counts = words.iter().map(count).collect();
         let bounds = |raw: &[u8]| {
             let at = |k: usize| i32::from_le_bytes([raw[k], raw[k + 1], raw[k + 2], raw[k + 3]]);
             let bounds = RawBounds { min: [at(0), at(4), at(8)], max: [at(12), at(16), at(20)] };
             bounds.is_sound().then_some(bounds)
         };
-        Some(body[self.key.len()..].chunks_exact(BOUNDS).map(bounds).collect())
+        Some(Kept { bounds: of_chunks.chunks_exact(BOUNDS).map(bounds).collect(), kinds })
     }
 
-    fn write(&self, bounds: &[Option<RawBounds>]) -> io::Result<()> {
+    fn write(&self, Kept { bounds, kinds }: &Kept) -> io::Result<()> {
         let mut raw = self.key.clone();
         for bounds in bounds {
             let RawBounds { min, max } = bounds.unwrap_or(RawBounds::NOTHING);
             raw.extend(min.into_iter().chain(max).flat_map(i32::to_le_bytes));
+        }
+        for (&(class, withheld), points) in kinds {
+            let kind = u64::from(class) << 1 | u64::from(withheld);
+            raw.extend((kind << KIND_SHIFT | points).to_le_bytes());
         }
         raw.extend(xxh3_64(&raw).to_le_bytes());
         let folder = self.path.parent().unwrap_or(Path::new("."));

@@ -2,6 +2,7 @@
 
 use super::input::Action;
 use super::options::WindowOptions;
+use super::pick;
 use super::save;
 use super::saving::Saving;
 use super::settings::{BRIDGE, MODES};
@@ -48,6 +49,17 @@ impl Viewer {
                     self.notify("The command that draws this view is on the clipboard");
                 }
             }
+            Action::CopyPoint => {
+                let point = self.canvas.kept().or(self.under_cursor());
+                if let (Some(point), Some(about)) = (point, self.data.about()) {
+                    let line = pick::copied(&point, about);
+                    self.log.line(format_args!("copied {line}"));
+                    self.notify(format!("{line} is on the clipboard"));
+                    self.toolkit.set_clipboard_text(line);
+                } else {
+                    self.notify("Click on a point, or move the cursor over one, to copy its coordinates");
+                }
+            }
             Action::TogglePanel => self.panel.is_open = !self.panel.is_open,
             Action::ToggleKeys => self.panel.has_keys = !self.panel.has_keys,
             Action::NextColor => {
@@ -62,7 +74,10 @@ impl Viewer {
                 let shade = &mut self.settings.shade;
                 *shade = if *shade == Shade::Lit { Shade::None } else { Shade::Lit };
             }
-            Action::Escape => self.panel.close(),
+            Action::Escape => {
+                self.panel.close();
+                self.canvas.let_go();
+            }
         }
         Ok(())
     }

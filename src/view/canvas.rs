@@ -10,8 +10,9 @@ use crate::attribute::ColorTable;
 use crate::gpu::{Commands, Gpu, GpuError, SyncPoint, TracedImage};
 use crate::render::camera::Camera;
 use crate::render::frame::{Renderer, View, check_size};
-use crate::render::screen::{Pick, Screen};
+use crate::render::screen::{Pick, PickedPoint, Screen};
 use crate::resident::table::Table;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// What the traced image depends on, but for the data.
@@ -28,6 +29,17 @@ struct Question {
     cursor: [f64; 2],
     /// Images since the start.
     version: u64,
+}
+
+/// Where the user has clicked.
+#[derive(Clone, Copy)]
+enum Kept {
+    /// Shares of the image; what lies there is to be asked for.
+    Wanted([f64; 2]),
+    /// It was.
+    Asked([f64; 2]),
+    /// What lies there.
+    Known(PickedPoint),
 }
 
 /// See the module.
@@ -48,6 +60,9 @@ pub struct Canvas {
     asked: Option<Question>,
     /// The last answer, and the camera when it came.
     pick: Option<(Pick, Camera)>,
+    kept: Option<Kept>,
+    /// Vertical exaggeration of what is to be kept.
+    kept_scale: f64,
 }
 
 impl Canvas {
@@ -65,6 +80,8 @@ impl Canvas {
             version: 0,
             asked: None,
             pick: None,
+            kept: None,
+            kept_scale: 1.0,
         }
     }
 
@@ -73,7 +90,7 @@ impl Canvas {
         self.renderer = None;
         self.colors = None;
         self.screen.forget();
-        self.asked = None;
+        (self.asked, self.kept) = (None, None);
     }
 
     /// Pixels of the image at rest.
@@ -119,6 +136,31 @@ impl Canvas {
     /// What the last answer was, and for which camera.
     pub fn pick(&self) -> Option<&(Pick, Camera)> {
         self.pick.as_ref()
+    }
+
+    /// Keeps what lies at `at` (pixels from the image's corner), as soon as that is known.
+    pub fn keep(&mut self, at: [f64; 2], z_scale: f64) {
+        self.kept = Some(Kept::Wanted(self.area.share(at)));
+        self.kept_scale = z_scale;
+    }
+
+    /// Keeps nothing any more.
+    pub fn let_go(&mut self) {
+        self.kept = None;
+    }
+
+    /// What was clicked on.
+    pub fn kept(&self) -> Option<PickedPoint> {
+        match self.kept {
+            Some(Kept::Known(point)) => Some(point),
+            _ => None,
+        }
+    }
+
+    /// Where that is seen with a vertical exaggeration about `pivot`.
+    pub fn kept_place(&self, z_scale: f64, pivot: f64) -> Option<DVec3> {
+        let at = self.kept()?.shown;
+        Some(at.with_z(pivot + (at.z - pivot) / self.kept_scale * z_scale))
     }
 
     /// Bytes of sections to upload in a frame, of at most `most`.
@@ -228,6 +270,14 @@ impl Canvas {
         cursor: Option<[f64; 2]>,
         is_taken: bool,
     ) -> Result<bool, GpuError> {
+        if let (Some(Kept::Wanted(at)), Some(renderer), false) = (self.kept, &self.renderer, is_taken) {
+            let is_asked = self.screen.ask(renderer, data.scene_mut(), (commands, slot), at)?;
+            if is_asked {
+                // What lies under the cursor is asked for again, after it.
+                (self.kept, self.asked) = (Some(Kept::Asked(at)), None);
+            }
+            return Ok(is_asked);
+        }
         let is_inside = |at: &[f64; 2]| at.iter().all(|v| (0.0..1.0).contains(v));
         let Some(cursor) = cursor.map(|at| self.area.share(at)).filter(is_inside) else {
             self.pick = None;
@@ -250,14 +300,22 @@ impl Canvas {
         self.screen.submitted(slot, point);
     }
 
-    /// Answers that are there by now, the latest last, which is kept as one for `camera`; waits for nothing.
-    pub fn take_picks(&mut self, data: &mut Data, camera: &Camera) -> Result<Vec<Pick>, GpuError> {
+    /// Answers that are there by now, the latest last, which is kept as one for `camera`; whether they are of what was
+    /// clicked on. Waits for nothing.
+    pub fn take_picks(&mut self, data: &mut Data, camera: &Camera) -> Result<Vec<(Pick, bool)>, GpuError> {
         let Some(renderer) = &self.renderer else { return Ok(Vec::new()) };
         let picks = self.screen.take_picks(renderer, data.scene_mut())?;
         if let Some(pick) = picks.last() {
             self.pick = Some((*pick, *camera));
         }
-        Ok(picks)
+        let mut answer = |pick: Pick| {
+            let is_kept = matches!(self.kept, Some(Kept::Asked(at)) if at == pick.at);
+            if is_kept {
+                self.kept = pick.point.map(Kept::Known);
+            }
+            (pick, is_kept)
+        };
+        Ok(picks.into_iter().map(&mut answer).collect())
     }
 
     /// Learns from frames that are done; gives their milliseconds.

@@ -1,6 +1,7 @@
 //! Where the window's data comes from: everything that it knows of files and sections goes through here.
 
 use super::watch::{self, News, Stamp, Watch};
+use crate::attribute::KindCounts;
 use crate::coords::{Grid, HEIGHT_STEP, Height};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::{Budget, Core};
@@ -68,6 +69,8 @@ pub struct FileAbout {
     pub shown: bool,
     /// It is not where it was.
     pub is_gone: bool,
+    /// The coordinate system that it names.
+    pub system: Option<String>,
     /// Its number in what is live.
     source: usize,
     /// What it looked like when it was opened.
@@ -107,8 +110,16 @@ pub struct Tick {
 pub struct DataStatus {
     /// Points of all files that are shown.
     pub points: u64,
-    /// Points that are decoded and binned.
-    pub points_decoded: u64,
+    /// Those of them that were read at least once.
+    pub points_read: u64,
+    /// Of what is needed now, how much is read, 0 to 1.
+    pub share_read: f64,
+    /// What those files hold, by class: exact once all of it was read.
+    pub kinds: KindCounts,
+    /// Files that are shown, and all.
+    pub files: [u64; 2],
+    /// More are being opened.
+    pub is_opening: bool,
     /// Sections that are to be drawn; 0 while that is not known.
     pub sections_wanted: u64,
     /// Sections on the device.
@@ -173,8 +184,12 @@ pub struct Data {
     grid: Grid,
     anchor: Height,
     now: live::Status,
+    /// What points there are, and the number of that knowledge.
+    kinds: KindCounts,
+    kinds_version: Option<[u64; 2]>,
     /// When that was asked for.
     counted: Instant,
+    is_count_due: bool,
     is_complete: bool,
     messages: VecDeque<String>,
     problems: Problems,
@@ -207,7 +222,10 @@ impl Data {
             grid: NO_GRID,
             anchor: Height(0),
             now: live::Status::default(),
+            kinds: KindCounts::default(),
+            kinds_version: None,
             counted: Instant::now(),
+            is_count_due: true,
             is_complete: false,
             messages: VecDeque::new(),
             problems: Problems::default(),
@@ -296,11 +314,18 @@ impl Data {
             let why = "the sections do not fit the device memory: give more with --device-memory";
             self.failed = now.stuck.then(|| why.to_owned()).or_else(|| live.failed());
         }
-        if (tick.changed || self.counted.elapsed() > COUNT_EVERY)
-            && let Some(now) = live.try_status(scene)
-        {
-            self.now = now;
-            self.counted = Instant::now();
+        if tick.changed || self.is_count_due || self.counted.elapsed() > COUNT_EVERY {
+            let (now, kinds) = (live.try_status(scene), live.try_kinds(self.kinds_version));
+            // A thread was in the way: what it has read last is to be told, too.
+            self.is_count_due = now.is_none();
+            tick.is_busy |= self.is_count_due;
+            if let Some(now) = now {
+                self.now = now;
+                self.counted = Instant::now();
+            }
+            if let Some((version, kinds)) = kinds {
+                (self.kinds_version, self.kinds) = (Some(version), kinds);
+            }
         }
         let (errors, warnings) = (live.take_errors(), live.take_warnings());
         errors.iter().for_each(|line| self.problems.error(line));
@@ -629,19 +654,29 @@ impl Data {
         if !scene.shows_nothing() {
             return None;
         }
-        let kinds = scene.kinds().union(&about.kinds).copied().collect();
+        // Of the files that are shown.
+        let kinds = match self.kinds_version {
+            None => about.kinds.clone(),
+            Some(_) => self.kinds.kinds(),
+        };
         why_hidden(&kinds, &scene.visibility()).map(|why| format!("nothing to draw: {why}"))
     }
 
     /// How far things are.
     pub fn status(&self) -> DataStatus {
         let (now, progress) = (&self.now, &self.now.progress);
-        let share = |done: u64, all: u64| if all == 0 { 0.0 } else { done as f64 / all as f64 };
-        // Chunks that nothing lacks now count as read.
-        let decoded = 1.0 - share(progress.lacking, progress.chunks);
+        // Chunks that nothing lacks now are not needed.
+        let lacking = progress.lacking as f64 / progress.chunks.max(1) as f64;
+        let files = self.about.as_ref().map_or(&[][..], |about| &about.files);
+        let shown = files.iter().filter(|file| file.shown && !file.is_gone).count();
+        let is_again = |pending: &OpeningFiles| matches!(pending.purpose, Purpose::Again(_));
         DataStatus {
             points: progress.points,
-            points_decoded: (progress.points as f64 * decoded) as u64,
+            points_read: progress.points_seen,
+            share_read: 1.0 - lacking,
+            kinds: self.kinds.clone(),
+            files: [shown, files.len()].map(|n| n as u64),
+            is_opening: self.pending.iter().any(|pending| !is_again(pending)),
             sections_wanted: now.wanted as u64,
             sections_resident: now.ready as u64,
             host_bytes: [now.host_bytes, self.options.host_bytes],
@@ -670,6 +705,7 @@ fn file_about(input: &OpenInput) -> FileAbout {
         points: file.points(),
         shown: true,
         is_gone: false,
+        system: input.system.clone(),
         source: 0,
         stamp: Some((file.bytes.len(), file.bytes.modified())),
     }

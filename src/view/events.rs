@@ -49,7 +49,10 @@ impl Viewer {
                 }
             }
             WindowEvent::MouseInput { state: ElementState::Released, button, .. } => {
-                self.input.released(button)
+                if let Some(at) = self.input.released(button) {
+                    self.canvas.keep(at, self.settings.z_scale);
+                    self.window.request_redraw();
+                }
             }
             WindowEvent::MouseWheel { delta, .. } if self.is_over_image() => {
                 let notches = match delta {

@@ -4,6 +4,7 @@ use super::flight::FlightStep;
 use super::layout::UserInterface;
 use super::options::WindowOptions;
 use super::redraw::{FrameState, LATER, SOON};
+use super::state::{self, State};
 use super::timing::ShownFrame;
 use super::viewer::Viewer;
 use crate::gpu::Drawing;
@@ -195,6 +196,9 @@ impl Viewer {
         if let Some(why) = &status.failed {
             self.log.line(format_args!("failed {why}"));
         }
+        let going_on = State::of(&status, self.data.scene().shows_nothing());
+        self.log.line(format_args!("state {}", going_on.in_short(&status, None)));
+        self.log.line(format_args!("points {}", state::logged_counts(&status)));
         if let Some(why) = &status.hidden {
             self.log.line(format_args!("hidden {why}"));
         }

@@ -34,6 +34,8 @@ pub enum Action {
     OpenView,
     /// Copies the command line that draws this.
     CopyCommand,
+    /// Copies the coordinates of what was clicked on, or lies under the cursor.
+    CopyPoint,
     /// Shows or hides the panel.
     TogglePanel,
     /// Shows or hides the list of keys.
@@ -49,10 +51,11 @@ pub enum Action {
 }
 
 /// The list of keys: what they do, and the keys.
-pub const KEYS: [(&str, &str); 21] = [
+pub const KEYS: [(&str, &str); 23] = [
     ("Left drag", "orbit around the point under the cursor"),
     ("Right drag", "pan"),
     ("Wheel", "zoom to the cursor"),
+    ("Click", "keep what lies there in the status bar; Esc lets go"),
     ("Double click", "recentre"),
     ("W A S D", "fly forward, left, back, right"),
     ("Q E", "fly down, up"),
@@ -69,6 +72,7 @@ pub const KEYS: [(&str, &str); 21] = [
     ("P", "save the picture"),
     ("Ctrl+S, Ctrl+O", "save, open a view"),
     ("Ctrl+C", "copy the command that draws this view"),
+    ("Ctrl+Shift+C", "copy E, N, U of the kept point, or under the cursor"),
     ("? or F1", "this list"),
     ("Drop files", "add them; a .json is opened as a view"),
 ];
@@ -80,6 +84,7 @@ pub fn action(key: KeyCode, control: bool, shift: bool) -> Option<Action> {
         return match key {
             KeyCode::KeyS => Some(Action::SaveView),
             KeyCode::KeyO => Some(Action::OpenView),
+            KeyCode::KeyC if shift => Some(Action::CopyPoint),
             KeyCode::KeyC => Some(Action::CopyCommand),
             _ => None,
         };
@@ -128,12 +133,19 @@ pub enum Move {
     Recentre([f64; 2]),
 }
 
+/// Whether two places are so near, in pixels, that no drag lies between them.
+fn is_near(a: [f64; 2], b: [f64; 2]) -> bool {
+    (a[0] - b[0]).hypot(a[1] - b[1]) <= DOUBLE.1
+}
+
 /// Mouse and held keys over the image.
 #[derive(Debug, Default)]
 pub struct InputState {
     cursor: Option<[f64; 2]>,
     dragged: Option<MouseButton>,
     click: Option<(Instant, [f64; 2])>,
+    /// Where the left button went down, until the cursor is elsewhere: there it is a click.
+    pressed_at: Option<[f64; 2]>,
     held: BTreeSet<KeyCode>,
     faster: bool,
     speed: Option<f64>,
@@ -148,6 +160,7 @@ impl InputState {
     /// The cursor moved; `height`: of the image, pixels.
     pub fn moved(&mut self, to: [f64; 2], height: f64) -> Option<Move> {
         let from = self.cursor.replace(to)?;
+        self.pressed_at = self.pressed_at.filter(|&at| is_near(at, to));
         let by = [to[0] - from[0], to[1] - from[1]];
         if by == [0.0; 2] {
             return None;
@@ -176,9 +189,9 @@ impl InputState {
         }
         self.dragged = Some(button);
         if button == MouseButton::Left {
-            let near = |[x, y]: [f64; 2]| (x - at[0]).hypot(y - at[1]) <= DOUBLE.1;
-            let twice = self.click.is_some_and(|(then, place)| now - then <= DOUBLE.0 && near(place));
+            let twice = self.click.is_some_and(|(then, place)| now - then <= DOUBLE.0 && is_near(place, at));
             self.click = (!twice).then_some((now, at));
+            self.pressed_at = (!twice).then_some(at);
             if twice {
                 self.dragged = None;
                 return Some(Move::Recentre(at));
@@ -187,11 +200,13 @@ impl InputState {
         Some(Move::Grab(at))
     }
 
-    /// A button went up.
-    pub fn released(&mut self, button: MouseButton) {
-        if self.dragged == Some(button) {
-            self.dragged = None;
+    /// A button went up; where it was a click, and no part of a double one, its place.
+    pub fn released(&mut self, button: MouseButton) -> Option<[f64; 2]> {
+        if self.dragged != Some(button) {
+            return None;
         }
+        self.dragged = None;
+        self.pressed_at.take().filter(|_| button == MouseButton::Left)
     }
 
     /// The wheel turned by `notches`, away from the user above 0.
@@ -225,7 +240,7 @@ impl InputState {
     /// Lets go of everything: the window is no longer the one that gets keys.
     pub fn release_all(&mut self) {
         self.held.clear();
-        self.dragged = None;
+        (self.dragged, self.pressed_at) = (None, None);
     }
 
     /// Whether a key that flies is held.
@@ -294,6 +309,23 @@ mod tests {
     }
 
     #[test]
+    fn a_click_is_no_drag_and_no_double_click() {
+        let start = Instant::now();
+        let mut input = InputState::default();
+        input.moved([10.0, 10.0], 100.0);
+        let mut gesture = |ms, way: &[[f64; 2]]| {
+            input.pressed(MouseButton::Left, start + Duration::from_millis(ms));
+            way.iter().for_each(|&to| _ = input.moved(to, 100.0));
+            input.released(MouseButton::Left)
+        };
+        assert_eq!(gesture(0, &[[12.0, 11.0]]), Some([10.0, 10.0]));
+        assert_eq!(gesture(100, &[]), None, "the second of two quick ones");
+        assert_eq!(gesture(1000, &[[40.0, 10.0], [12.0, 11.0]]), None, "away and back");
+        input.pressed(MouseButton::Right, start);
+        assert_eq!(input.released(MouseButton::Right), None);
+    }
+
+    #[test]
     fn the_wheel_zooms_and_sets_the_speed_of_a_flight() {
         let mut input = InputState::default();
         assert_eq!(input.wheel(1.0), None);
@@ -321,6 +353,8 @@ mod tests {
         assert_eq!(action(KeyCode::Numpad6, false, false), Some(Action::Standard(Standard::Oblique)));
         assert_eq!(action(KeyCode::KeyS, true, false), Some(Action::SaveView));
         assert_eq!(action(KeyCode::KeyS, false, false), None, "it flies");
+        assert_eq!(action(KeyCode::KeyC, true, false), Some(Action::CopyCommand));
+        assert_eq!(action(KeyCode::KeyC, true, true), Some(Action::CopyPoint));
         assert_eq!(action(KeyCode::Slash, false, true), Some(Action::ToggleKeys));
         assert_eq!(action(KeyCode::Slash, false, false), None);
     }

@@ -2,12 +2,14 @@
 
 use super::data::DataStatus;
 use super::overlay::{self, ImageArea};
-use super::panel::{self, PanelContent, PanelRequests};
+use super::panel::{PanelContent, PanelRequests};
 use super::settings::{SAMPLES, Settings};
+use super::state::State;
 use super::viewer::Viewer;
 use crate::render::camera::Camera;
 use crate::render::screen::PickedPoint;
 use egui::{Color32, FontId, Painter, Rect};
+use glam::DVec3;
 use std::time::{Duration, Instant};
 
 /// What the toolkit gives to be painted.
@@ -28,6 +30,8 @@ struct ImageOverlay<'a> {
     camera: Option<&'a Camera>,
     /// What lies under the cursor.
     pick: Option<PickedPoint>,
+    /// What was clicked on.
+    kept: Option<DVec3>,
     /// A line of words.
     notice: Option<&'a str>,
     /// Nothing is seen of the data.
@@ -44,41 +48,56 @@ impl ImageOverlay<'_> {
                 let bounds = about.bounds.exaggerated(settings.z_scale, about.bounds.min.z);
                 overlay::frame(painter, area, camera, &bounds);
             }
+            self.kept.inspect(|&kept| overlay::mark(painter, area, camera, kept));
             overlay::north_arrow(painter, area, camera);
             let middle = self.pick.map_or(camera.target(), |point| point.shown);
             let unit = about.unit.as_ref().map(|unit| unit.symbol());
             overlay::scale_bar(painter, area, camera, middle, unit);
         }
-        match self.notice {
-            Some(words) => overlay::notice(painter, area, words),
-            None if self.is_empty => opening(painter, rect, content.status),
-            None => {}
+        if let Some(words) = self.notice {
+            overlay::notice(painter, area, words);
+        }
+        if let Some((words, share)) = content.going_on.over_image(content.status).filter(|_| self.is_empty) {
+            progress(painter, rect, words, share);
         }
     }
 }
 
 impl Viewer {
+    /// What lies under the cursor.
+    pub(super) fn under_cursor(&self) -> Option<PickedPoint> {
+        let (pick, _) = self.canvas.pick()?;
+        pick.point.filter(|_| self.input.cursor().is_some())
+    }
+
     /// Runs the toolkit, and does what was asked for in the panel.
     pub(super) fn lay_out(&mut self) -> anyhow::Result<UserInterface> {
         let raw = self.toolkit.take_egui_input(&self.window);
         let status = self.data.status();
-        let under_cursor =
-            self.canvas.pick().and_then(|(pick, _)| pick.point).filter(|_| self.input.cursor().is_some());
+        let kept = self.canvas.kept();
+        let is_empty = self.data.scene().shows_nothing();
+        let going_on = State::of(&status, is_empty);
         let content = PanelContent {
             about: self.data.about(),
             status: &status,
             colors: self.canvas.colors().map(|(_, table)| table),
             times: &self.timing.times,
-            under_cursor,
-            state: self.state(&status),
+            point: kept.or(self.under_cursor()),
+            is_kept: kept.is_some(),
+            going_on,
+            state: self.state(going_on, &status),
         };
         self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
         let notice = self.notice.as_ref().map(|(words, _)| &words[..]);
         let over = ImageOverlay {
             camera: self.navigation.is_framed().then_some(&self.navigation.camera),
             pick: self.canvas.pick().and_then(|(pick, _)| pick.point),
-            notice: status.failed.as_deref().or(notice).or(status.hidden.as_deref()),
-            is_empty: self.data.scene().shows_nothing(),
+            kept: self
+                .data
+                .about()
+                .and_then(|about| self.canvas.kept_place(self.settings.z_scale, about.bounds.min.z)),
+            notice: status.failed.as_deref().or(notice),
+            is_empty,
             size: self.canvas.size(),
         };
         let (panel, settings, context) = (&mut self.panel, &mut self.settings, self.context.clone());
@@ -128,39 +147,27 @@ impl Viewer {
     }
 
     /// What is going on, in short.
-    fn state(&self, status: &DataStatus) -> String {
-        let samples = self.canvas.samples();
+    fn state(&self, state: State, status: &DataStatus) -> String {
         if let Some(saving) = &self.saving {
             return format!("saving {} of {SAMPLES}", saving.samples());
         }
-        match () {
-            _ if !status.is_complete && status.points > 0 && status.points_decoded < status.points => {
-                let share = status.points_decoded as f64 / status.points as f64 * 100.0;
-                format!("reading {share:.0} %")
-            }
-            _ if !status.is_complete => "reading".to_owned(),
-            _ if self.canvas.is_refining() => format!("refining {samples} of {SAMPLES}"),
-            _ => format!("{} points", panel::short(status.points_decoded)),
-        }
+        let is_refining = self.canvas.is_refining() && self.canvas.is_drawn();
+        state.in_short(status, is_refining.then(|| [self.canvas.samples(), SAMPLES]))
     }
 }
 
-/// What is to be seen before anything else is: that it is being read.
-fn opening(painter: &Painter, rect: Rect, status: &DataStatus) {
-    let words = match (status.points, status.points_decoded) {
-        (0, _) => "Opening …".to_owned(),
-        (all, read) => format!("Reading {} of {} points", panel::short(read), panel::short(all)),
-    };
-    let share = if status.points == 0 { 0.0 } else { status.points_decoded as f32 / status.points as f32 };
-    let whole = Rect::from_center_size(rect.center(), egui::vec2(260.0, 54.0));
+/// Where nothing is seen of the data: why, and how much of that is done.
+fn progress(painter: &Painter, rect: Rect, words: String, share: Option<f64>) {
+    let galley = painter.layout_no_wrap(words, FontId::proportional(14.0), Color32::WHITE);
+    let size = egui::vec2((galley.size().x + 40.0).max(260.0), if share.is_some() { 54.0 } else { 40.0 });
+    let whole = Rect::from_center_size(rect.center(), size);
     painter.rect_filled(whole, 6.0, Color32::from_black_alpha(190));
-    let line = Rect::from_center_size(rect.center() + egui::vec2(0.0, 12.0), egui::vec2(220.0, 4.0));
-    painter.rect_filled(line, 2.0, Color32::from_white_alpha(40));
-    painter.rect_filled(
-        line.with_max_x(line.left() + line.width() * share.min(1.0)),
-        2.0,
-        Color32::from_rgb(86, 156, 214),
-    );
-    let at = rect.center() - egui::vec2(0.0, 10.0);
-    painter.text(at, egui::Align2::CENTER_CENTER, words, FontId::proportional(14.0), Color32::WHITE);
+    let up = if share.is_some() { 10.0 } else { 0.0 };
+    painter.galley(rect.center() - egui::vec2(0.0, up) - galley.size() / 2.0, galley, Color32::WHITE);
+    if let Some(share) = share {
+        let line = Rect::from_center_size(rect.center() + egui::vec2(0.0, 12.0), egui::vec2(220.0, 4.0));
+        painter.rect_filled(line, 2.0, Color32::from_white_alpha(40));
+        let done = line.left() + line.width() * share.clamp(0.0, 1.0) as f32;
+        painter.rect_filled(line.with_max_x(done), 2.0, Color32::from_rgb(86, 156, 214));
+    }
 }

@@ -1,5 +1,6 @@
 //! What has come from files, other threads and the device is taken: often, and with nothing drawn.
 
+use super::pick;
 use super::viewer::Viewer;
 use crate::limits::LIMITS;
 use crate::render::frame::Shade;
@@ -42,14 +43,11 @@ impl Viewer {
             self.redraw.device_done(Instant::now());
             self.drawing = None;
         }
-        for pick in self.canvas.take_picks(&mut self.data, &self.navigation.camera)? {
-            if let Some(point) = &pick.point {
-                let at = point.shown;
-                self.log.line(format_args!(
-                    "pick {:.3} {:.3} {:.3} class {}",
-                    at.x, at.y, point.height, point.class
-                ));
-            }
+        for (answer, is_kept) in self.canvas.take_picks(&mut self.data, &self.navigation.camera)? {
+            let name = if is_kept { "kept" } else { "pick" };
+            let size = self.canvas.size();
+            let [x, y] = [0, 1].map(|axis| answer.at[axis] * f64::from(size[axis]));
+            self.log.line(format_args!("{name} {} at {x:.0} {y:.0}", pick::logged(answer.point.as_ref())));
             // While data arrive, the next frame tells.
             if self.data.is_complete() {
                 self.window.request_redraw();

@@ -99,6 +99,14 @@ pub fn scale_bar(painter: &Painter, area: ImageArea, camera: &Camera, target: DV
     text(painter, middle, Align2::CENTER_BOTTOM, &length_text(length, unit), 13.0);
 }
 
+/// A ring around a place, seen through whatever is before it.
+pub fn mark(painter: &Painter, area: ImageArea, camera: &Camera, place: DVec3) {
+    let Some([x, y]) = seen_at(camera, place, area.size) else { return };
+    let at = area.rect.min + vec2(x as f32 * area.rect.width(), y as f32 * area.rect.height());
+    painter.circle_stroke(at, 7.0, Stroke::new(3.5, SHADOW));
+    painter.circle_stroke(at, 7.0, Stroke::new(1.8, INK));
+}
+
 /// The edges of `bounds`.
 pub fn frame(painter: &Painter, area: ImageArea, camera: &Camera, bounds: &Bounds) {
     let corner = |k: usize| {

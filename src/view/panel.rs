@@ -2,19 +2,20 @@
 
 use super::data::{DataAbout, DataStatus};
 use super::input::KEYS;
+use super::numbers::{grouped, rough, short};
+use super::pick;
 use super::settings::{BRIDGE, MODES, Settings};
+use super::state::State;
 use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
 use crate::resident::visibility::Visibility;
-use crate::source::crs::CrsKind;
 use crate::text::{harmless, tidy};
 use egui::{
     Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,
     Sense, Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,
 };
-use glam::DVec3;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 
 /// Width of the panel, points.
@@ -69,9 +70,13 @@ pub struct PanelContent<'a> {
     pub colors: Option<&'a ColorTable>,
     /// Plots.
     pub times: &'a StageTimes,
-    /// What lies under the cursor.
-    pub under_cursor: Option<PickedPoint>,
-    /// What is going on, in short.
+    /// What was clicked on, else what lies under the cursor.
+    pub point: Option<PickedPoint>,
+    /// It was clicked on.
+    pub is_kept: bool,
+    /// What is going on.
+    pub going_on: State,
+    /// The same, in short.
     pub state: String,
 }
 
@@ -137,19 +142,28 @@ pub fn style(context: &egui::Context) {
     });
 }
 
-/// A number in few letters: 812, 45.1 k, 12.3 M, 3.21 G.
-pub fn short(n: u64) -> String {
-    let scaled = |unit: f64, name: &str| {
-        let value = n as f64 / unit;
-        let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
-        format!("{value:.digits$} {name}")
+/// What a number of points of a class is.
+fn about_count(points: u64, withheld: u64, is_exact: bool) -> String {
+    let withheld = |number: fn(u64) -> String| match withheld {
+        0 => String::new(),
+        n => format!(", of which {} are withheld", number(n)),
     };
-    match n {
-        0..10_000 => n.to_string(),
-        10_000..1_000_000 => scaled(1e3, "k"),
-        1_000_000..1_000_000_000 => scaled(1e6, "M"),
-        _ => scaled(1e9, "G"),
+    match is_exact {
+        true => format!("{} points{}", grouped(points), withheld(grouped)),
+        false => {
+            format!("{} points{}: estimated, until every point was read", rough(points), withheld(rough))
+        }
     }
+}
+
+/// The coordinate systems that files which are shown name, with how many do; those that name none last.
+fn systems(about: &DataAbout) -> Vec<(String, usize)> {
+    let mut named: BTreeMap<(bool, &str), usize> = BTreeMap::new();
+    for file in about.files.iter().filter(|file| file.shown && !file.is_gone) {
+        let name = file.system.as_deref();
+        *named.entry((name.is_none(), name.unwrap_or("none that is named"))).or_default() += 1;
+    }
+    named.into_iter().map(|((_, name), files)| (harmless(name), files)).collect()
 }
 
 /// Bytes in few letters.
@@ -248,16 +262,6 @@ fn plot(ui: &mut Ui, name: &str, history: &History) {
     }
 }
 
-/// What lies under the cursor, in coordinates of the world's system.
-pub fn coordinates(point: &PickedPoint, about: &DataAbout) -> String {
-    let world = DVec3 { z: point.height, ..point.shown };
-    let at = about.base.unplace(world);
-    let unit = about.unit.as_ref().map_or("", |u| u.symbol());
-    let is_degrees = about.crs.as_ref().is_some_and(|crs| crs.kind == CrsKind::Geographic);
-    let digits = if is_degrees { 7 } else { 2 };
-    format!("E {:.digits$}   N {:.digits$}   U {:.2} {unit}", at.x, at.y, at.z)
-}
-
 /// Numbers as they are typed: E,N or E,N,U.
 fn typed(text: &str) -> Result<(f64, f64, Option<f64>), String> {
     let numbers: Vec<f64> = text
@@ -316,28 +320,22 @@ impl Panel {
     }
 
     fn status(&self, ui: &mut Ui, content: &PanelContent) {
-        ui.horizontal_centered(|ui| {
-            match (&content.under_cursor, content.about) {
-                (Some(point), Some(about)) => {
-                    ui.label(RichText::new(coordinates(point, about)).monospace());
-                    ui.separator();
-                    let [r, g, b] = class_color(point.class);
-                    let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
-                    ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
-                    ui.label(format!("{} {}", point.class, class_name(point.class)));
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            ui.label(weak("? keys"));
+            ui.separator();
+            ui.label(weak(&content.state));
+            // What is left of the line: it ends before the state does, however narrow the window is.
+            ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
+                match (&content.point, content.about) {
+                    (Some(point), Some(about)) => place(ui, point, content.is_kept, about),
+                    _ => {
+                        let crs = content.about.map(|about| match &about.crs {
+                            Some(crs) => crs.name.clone(),
+                            None => "no coordinate system is named".to_owned(),
+                        });
+                        ui.add(egui::Label::new(weak(crs.unwrap_or_default())).truncate());
+                    }
                 }
-                _ => {
-                    let crs = content.about.map(|about| match &about.crs {
-                        Some(crs) => crs.name.clone(),
-                        None => "no coordinate system is named".to_owned(),
-                    });
-                    ui.label(weak(crs.unwrap_or_default()));
-                }
-            }
-            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                ui.label(weak("? keys"));
-                ui.separator();
-                ui.label(weak(&content.state));
             });
         });
     }
@@ -480,6 +478,30 @@ impl Panel {
     }
 }
 
+/// What lies under the cursor, or was clicked on.
+fn place(ui: &mut Ui, point: &PickedPoint, is_kept: bool, about: &DataAbout) {
+    if is_kept {
+        let hint = "what was clicked on; Ctrl+Shift+C copies it, Esc lets go";
+        ui.label(RichText::new("kept").color(ACCENT)).on_hover_text(hint);
+    }
+    ui.label(RichText::new(pick::coordinates(point, about)).monospace());
+    ui.separator();
+    let [r, g, b] = class_color(point.class);
+    let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
+    ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
+    let class = format!("{} {}", point.class, class_name(point.class));
+    let unit = about.unit.as_ref().map(|unit| unit.symbol());
+    match pick::caution(point, unit) {
+        None => _ = ui.add(egui::Label::new(class).truncate()),
+        Some(caution) => {
+            ui.label(class);
+            ui.separator();
+            let words = RichText::new(&caution).color(WARN);
+            ui.add(egui::Label::new(words).truncate()).on_hover_text(caution);
+        }
+    }
+}
+
 fn boxed(title: &str) -> egui::Window<'_> {
     egui::Window::new(title).anchor(Align2::CENTER_CENTER, Vec2::ZERO).collapsible(false).resizable(false)
 }
@@ -488,12 +510,12 @@ const RETURNS: [ReturnKind; 5] =
     [ReturnKind::Single, ReturnKind::First, ReturnKind::Intermediate, ReturnKind::Last, ReturnKind::Unknown];
 
 fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
-    let Some(about) = content.about else {
+    if content.about.is_none() {
         ui.label(weak("…"));
         return;
-    };
-    let counts = &about.classes;
-    let listed = |class: &u8| counts[usize::from(*class)] > 0 || NOISE.contains(class);
+    }
+    let counts = &content.status.kinds;
+    let listed = |class: &u8| counts.of_class(*class)[0] > 0 || NOISE.contains(class);
     let mask = &mut visibility.classes;
     for class in (0..=255u8).filter(listed) {
         let mut is_shown = mask.shows(class);
@@ -507,8 +529,11 @@ fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
             ui.painter().text(number.right_center(), Align2::RIGHT_CENTER, class, font, WEAK);
             let label = ui.add(egui::Label::new(name).sense(Sense::click()).selectable(false));
             ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                let count = counts[usize::from(class)];
-                ui.label(weak(if count == 0 { String::new() } else { short(count) }));
+                let [points, withheld] = counts.of_class(class);
+                if points > 0 {
+                    let words = if counts.is_exact { grouped(points) } else { rough(points) };
+                    ui.label(weak(words)).on_hover_text(about_count(points, withheld, counts.is_exact));
+                }
             });
             if label.clicked() {
                 is_shown = !is_shown;
@@ -566,7 +591,7 @@ fn files(ui: &mut Ui, content: &PanelContent, requests: &mut PanelRequests) {
 
 fn data(ui: &mut Ui, content: &PanelContent) {
     let status = content.status;
-    let (read, all) = (status.points_decoded, status.points);
+    let (read, all) = (status.points_read, status.points);
     bar(ui, "points read", [read, all], format!("{} of {}", short(read), short(all)));
     let [wanted, resident] = [status.sections_wanted, status.sections_resident];
     bar(ui, "sections resident", [resident, wanted], format!("{resident} of {wanted}"));
@@ -580,6 +605,20 @@ fn data(ui: &mut Ui, content: &PanelContent) {
     if let Some(about) = content.about {
         let size = (about.bounds.max - about.bounds.min).round();
         let unit = about.unit.as_ref().map_or("units", |u| u.symbol());
+        let systems = systems(about);
+        for (name, files) in &systems {
+            let label = match (&systems[..], files) {
+                ([_], _) => "system".to_owned(),
+                (_, 1) => "1 file".to_owned(),
+                (_, files) => format!("{files} files"),
+            };
+            ui.horizontal(|ui| {
+                ui.label(weak(label));
+                ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                    ui.add(egui::Label::new(name).truncate()).on_hover_text(name);
+                });
+            });
+        }
         pair(ui, "extent", format!("{} × {} × {} {unit}", tidy(size.x), tidy(size.y), tidy(size.z)));
     }
 }
@@ -589,12 +628,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short() {
-        let numbers = [0, 999, 9_999, 12_345, 812_000, 1_234_567, 45_600_000, 3_210_000_000];
-        let words = ["0", "999", "9999", "12.3 k", "812 k", "1.23 M", "45.6 M", "3.21 G"];
-        assert_eq!(numbers.map(short), words);
+    fn counts_say_what_they_are() {
         assert_eq!(bytes(3 << 19), "2 MiB");
         assert_eq!(bytes(1 << 30), "1.00 GiB");
+        assert_eq!(about_count(72_763, 0, true), "72,763 points");
+        assert_eq!(
+            about_count(24_412, 512, false),
+            "~24 k points, of which ~510 are withheld: estimated, until every point was read"
+        );
     }
 
     #[test]

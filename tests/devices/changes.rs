@@ -14,6 +14,7 @@ use lasray::render::frame::Renderer;
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::source::LidarFile;
+use lasray::source::learned::Cache;
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::view;
 use std::fs;
@@ -22,14 +23,19 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A window's data, without a window.
-struct Seen {
-    gpu: Gpu,
-    data: view::data::Data,
-    camera: Camera,
+pub(super) struct Seen {
+    pub gpu: Gpu,
+    pub data: view::data::Data,
+    pub camera: Camera,
 }
 
 impl Seen {
-    fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
+    pub fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
+        Seen::with(gpu, paths, camera, None)
+    }
+
+    /// Knowing what is kept there.
+    pub fn with(gpu: Gpu, paths: &[PathBuf], camera: Camera, cache: Option<Cache>) -> Seen {
         let options = view::data::ReadOptions {
             cell: Some(0.25.into()),
             placement: PlacementOptions::default(),
@@ -37,18 +43,23 @@ impl Seen {
             host_bytes: 1 << 30,
             device_bytes: 1 << 28,
             visibility: BRIDGED(),
-            cache: None,
+            cache,
         };
         let inputs = paths.iter().map(|path| path.clone().into_os_string()).collect();
         let data = view::data::Data::open(&gpu, inputs, options, || ()).unwrap();
         Seen { gpu, data, camera }
     }
 
+    /// One frame's worth.
+    pub fn tick(&mut self) {
+        self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true, LIMITS.frame_bytes).unwrap();
+    }
+
     /// Until `done`, and complete.
-    fn until(&mut self, done: impl Fn(&view::data::Data) -> bool) {
+    pub fn until(&mut self, done: impl Fn(&view::data::Data) -> bool) {
         let start = Instant::now();
         loop {
-            self.data.tick(&self.gpu, &self.camera, SIZE, 1.0, true, LIMITS.frame_bytes).unwrap();
+            self.tick();
             if self.data.is_complete() && self.data.about().is_some() && done(&self.data) {
                 return;
             }
@@ -121,7 +132,7 @@ fn files_that_change_are_seen_as_they_are() {
         println!("back again after {:?}", started.elapsed());
         assert_eq!(scene::pixels_that_differ(&seen.picture(), &whole), 0);
         let status = seen.data.status();
-        assert_eq!((status.points_decoded, status.frames_waited), (status.points, 0));
+        assert_eq!((status.points_read, status.frames_waited), (status.points, 0));
         assert_eq!(seen.gpu.messages(), [""; 0]);
     });
 }

@@ -4,6 +4,8 @@
 mod changes;
 #[path = "../common/mod.rs"]
 mod common;
+#[cfg(feature = "view")]
+mod counts;
 mod cut;
 mod derived;
 mod faults;
@@ -12,6 +14,8 @@ mod known;
 mod lax_writer;
 mod live;
 mod looks;
+#[cfg(feature = "view")]
+mod picks;
 #[path = "../common/scene.rs"]
 mod scene;
 mod story;

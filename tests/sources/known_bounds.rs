@@ -8,7 +8,7 @@ use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
 use lasray::source::known::{Known, RawBounds, Told};
 use lasray::source::lax::{self, LaxError};
-use lasray::source::learned::Cache;
+use lasray::source::learned::{Cache, Counts};
 use lasray::source::placement::PlacementOptions;
 use lasray::source::{Decoder, LidarFile, PointBlock};
 use proptest::prelude::*;
@@ -78,6 +78,48 @@ fn what_was_learned_is_there_again() {
     assert!(cache.load(&same).is_whole(&same));
     cache.forget(&file);
     assert_eq!(all_of(&cache.load(&file), &file), nothing);
+}
+
+#[test]
+fn what_was_counted_is_there_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = tile(folder.path(), "tile.laz");
+    let kept = folder.path().join("kept");
+    let cache = Cache::at(kept.clone());
+    let bounds = bounds(&file);
+    assert_eq!(cache.load_all(&file).1, Counts::new());
+    cache.save(&file, &bounds).unwrap();
+    let without = fs::metadata(&entries(&kept)[0]).unwrap().len();
+    let counts = Counts::from([((0, false), 1), ((2, true), 7), ((255, true), (1 << 55) - 1)]);
+    cache.save_all(&file, &[], &counts).unwrap();
+    assert_eq!(cache.load_all(&file).1, Counts::new(), "nothing is kept of as many chunks as there are not");
+    cache.save_all(&file, &bounds, &counts).unwrap();
+    let (known, is) = cache.load_all(&file);
+    assert_eq!((all_of(&known, &file), is), (bounds.clone(), counts.clone()));
+    let [entry] = &entries(&kept)[..] else { panic!() };
+    assert_eq!(fs::metadata(entry).unwrap().len(), without + 24);
+    // Bounds alone leave them as they are; others take their place.
+    cache.save(&file, &bounds).unwrap();
+    assert_eq!(cache.load_all(&file).1, counts);
+    let others = Counts::from([((2, false), 9)]);
+    cache.save_all(&file, &bounds, &others).unwrap();
+    assert_eq!(cache.load_all(&file).1, others);
+    // Damaged, there are none.
+    let sound = fs::read(entry).unwrap();
+    for at in sound.len() - 16..sound.len() {
+        let mut bytes = sound.clone();
+        bytes[at] ^= 1;
+        fs::write(entry, &bytes).unwrap();
+        assert_eq!(cache.load_all(&file).1, Counts::new(), "byte {at}");
+        fs::write(entry, &sound[..at]).unwrap();
+        assert_eq!(cache.load_all(&file).1, Counts::new(), "cut at {at}");
+    }
+    // More kinds than an entry may take of its file's size are not kept.
+    cache.forget(&file);
+    let many: Counts = (0..=255).map(|class| ((class, false), 1)).collect();
+    cache.save_all(&file, &bounds, &many).unwrap();
+    let (known, none) = cache.load_all(&file);
+    assert_eq!((all_of(&known, &file), none), (bounds, Counts::new()));
 }
 
 #[test]

@@ -138,13 +138,14 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
     let Drawing { statuses, filled, .. } = drawing;
     side.iter().flat_map(|side| side.write(protected)).for_each(|line| problems.warn(line));
     let resident = statuses.last().map_or(filled.sections, |status| status.resident);
+    let read = statuses.last().map_or(filled.points, |status| status.progress.points_seen);
     write_json(args, statuses, protected)?;
     if !args.quiet {
         let summary = Summary {
             output,
             images: film.map(|film| film.frames.len() as u64),
             size,
-            points: filled.points,
+            points: [read, filled.points],
             sections: resident as u64,
             grid: &grid,
             unit: about.unit.as_ref(),

@@ -25,7 +25,8 @@ pub(super) struct Summary<'a> {
     /// Images of a path.
     pub(super) images: Option<u64>,
     pub(super) size: [u32; 2],
-    pub(super) points: u64,
+    /// Points that were read, whether shown or not, and all.
+    pub(super) points: [u64; 2],
     pub(super) sections: u64,
     pub(super) grid: &'a Grid,
     pub(super) unit: Option<&'a Unit>,
@@ -41,10 +42,11 @@ impl Summary<'_> {
         let legend = self.colors.range.map_or(String::new(), |(lo, hi)| format!(" from {lo:.1} to {hi:.1}"));
         let images = self.images.map_or(String::new(), |count| plural(count, "picture") + " of ");
         let [width, height] = self.size;
+        let [read, all] = self.points;
+        let points = if read < all { format!("{read} of {all} points") } else { plural(all, "point") };
         format!(
-            "{}: {images}{width}x{height} pixels, {} in {}, cells of {cell} {unit}, coloured by {}{legend}",
+            "{}: {images}{width}x{height} pixels, {points} read, {}, cells of {cell} {unit}, coloured by {}{legend}",
             harmless(&self.output.to_string_lossy()),
-            plural(self.points, "point"),
             plural(self.sections, "section"),
             self.mode.name()
         )

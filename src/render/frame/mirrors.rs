@@ -5,8 +5,8 @@ use super::rays::{Origins, ViewRays};
 use crate::attribute::ColorMode;
 use crate::coords::{Grid, Height, LOW_SIDE, LowSurface, Slab};
 use crate::shared::passes::{
-    BACKGROUND_NONE, BACKGROUND_SKY, BACKGROUND_WHITE, BITS_FACE_SHIFT, COLOR_CLASS, COLOR_HEIGHT,
-    COLOR_INTENSITY, COLOR_RETURNS, COLOR_RGB, FACE_TOP, SHADE_LIT,
+    BACKGROUND_NONE, BACKGROUND_SKY, BACKGROUND_WHITE, BITS_FACE_MASK, BITS_FACE_SHIFT, COLOR_CLASS,
+    COLOR_HEIGHT, COLOR_INTENSITY, COLOR_RETURNS, COLOR_RGB, FACE_TOP, SHADE_LIT,
 };
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -198,7 +198,7 @@ impl FramePush {
 #[derive(Clone, Copy, Pod, Zeroable)]
 pub(in super::super) struct HitRecord {
     pub(super) t: f32,
-    /// Class (256: a miss) | origin << 9 | face << 12.
+    /// Class (256: a miss) | origin << 9 | face << 12 | detail level << 15 | stands in << 20.
     pub(in super::super) bits: u32,
     /// Nodes that the traversal looked at.
     pub(super) steps: u32,
@@ -215,7 +215,7 @@ pub(super) fn distance_and_height(
     anchor: Height,
 ) -> [f64; 2] {
     let t = f64::from(hit.t) * unit;
-    let height = if hit.bits >> BITS_FACE_SHIFT == FACE_TOP {
+    let height = if hit.bits >> BITS_FACE_SHIFT & BITS_FACE_MASK == FACE_TOP {
         grid.units(Height(hit.top.wrapping_add(anchor.0)))
     } else {
         let along = through.direction(px, py).z / through.length(px, py);

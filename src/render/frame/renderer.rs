@@ -205,19 +205,28 @@ impl Renderer {
         self.targets.as_ref().map(|targets| [&targets.colors, &targets.hits])
     }
 
-    /// Where the ray of pixel (px, py) has hit, as shown, and U there.
+    /// Where the ray of pixel (px, py) has hit, as shown; U there, and U of what its column is as high as: rounded up to a
+    /// step of the lattice, it is in the middle of that step.
     #[cfg(feature = "view")]
     pub(in super::super) fn point_of(
         &self,
         rays: &ViewRays,
         hit: &HitRecord,
         pixel: [f64; 2],
-    ) -> (DVec3, f64) {
+    ) -> (DVec3, [f64; 2]) {
         let [distance, height] = distance_and_height(rays, hit, pixel, &self.grid, self.anchor);
         let [px, py] = pixel;
         let along = distance / rays.shown.length(px, py);
         let from_plane = along - rays.shown.advanced();
-        (rays.shown.origin(px, py) + rays.shown.direction(px, py) * from_plane, height)
+        let shown = rays.shown.origin(px, py) + rays.shown.direction(px, py) * from_plane;
+        let top = self.grid.units(Height(hit.top.wrapping_add(self.anchor.0)));
+        (shown, [height, top - 0.5 * self.grid.height_step])
+    }
+
+    /// Side of a cell of a detail level, CRS units.
+    #[cfg(feature = "view")]
+    pub(in super::super) fn cell_of(&self, level: u32) -> f64 {
+        self.grid.cell() * f64::from(level).exp2()
     }
 
     fn submit(
