@@ -301,6 +301,11 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
     };
     check_cell(cell, &bounds)?;
     let (too_high, bounds) = without_too_high(&opened, &sample, cell, bounds, problems)?;
+    if too_high.contains(&true) {
+        let held = sample.files.iter().zip(&too_high).filter(|(_, too_high)| !**too_high);
+        sample.hull = Hull::union(held.filter_map(|(file, _)| file.hull.as_ref()));
+        sample.low = sample.low.within(&bounds);
+    }
     let grid = grid(cell, &bounds)?;
     let bounds = bounds.snapped(grid.height_step);
 

@@ -75,6 +75,12 @@ impl LowSurface {
         south + (north - south) * beyond.y
     }
 
+    /// The same, no lower and no higher than `bounds`.
+    pub fn within(mut self, bounds: &Bounds) -> LowSurface {
+        self.heights.iter_mut().for_each(|height| *height = height.clamp(bounds.min.z, bounds.max.z));
+        self
+    }
+
     /// The lowest of it.
     pub fn lowest_height(&self) -> f64 {
         self.heights.iter().copied().fold(f64::INFINITY, f64::min)
