@@ -781,7 +781,7 @@ fn paths() {
     try_all(vec![
         path_case(
             0,
-            &["3 pictures of 64x36 pixels, 300 points"],
+            &["3 pictures of 64x36 pixels, 0 of 300 points read"],
             &["--path", "three.json", "-o", "out/%03d.png"],
         )
         .leaving(&["000.png", "001.png", "002.png"]),
