@@ -1,8 +1,9 @@
 //! The command line.
 
-use crate::command;
-use clap::{Parser, Subcommand};
+use crate::command::{self, UsageError, saved};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
+use std::path::Path;
 
 /// Opens raw airborne LiDAR (LAS, LAZ, COPC) and ray-traces it on any Vulkan GPU
 #[derive(Debug, Parser)]
@@ -16,6 +17,7 @@ pub struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   lasray tiles/                                       the whole folder in a window
+  lasray                                              a window that files can be dropped into
   lasray render tiles/ -o city.png                    the whole folder, framed, in its own colours
   lasray render tiles/ -o map.png --ortho 0.25        a map from above, with world file
   lasray render a.laz --orbit 45,20 --hide 3,4,5 -o bare.png
@@ -26,7 +28,7 @@ Examples:
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Open a window and look around (also without the word: lasray INPUT)
+    /// Open a window and look around (also without the word: lasray, lasray INPUT)
     #[cfg(feature = "view")]
     View(Box<command::view::Args>),
     /// Draw a picture: PNG for people, EXR with distances, heights and classes for programs
@@ -39,16 +41,53 @@ pub enum Command {
     Synth(command::synth::Args),
 }
 
-/// The words of the command line, with `view` where inputs stand in the place of a command.
+impl Cli {
+    /// Parses the command line, with what the saved view says that it opens. Ends the process with code 2 where the words
+    /// are wrong.
+    pub fn of(words: Vec<OsString>) -> Result<Cli, UsageError> {
+        let cli = Cli::parse_from(&words);
+        let command = Cli::command();
+        let with_view = |name: &str, typed: Vec<OsString>, file: &Path, is_window: bool| {
+            let command = command.find_subcommand(name).expect("a command of ours");
+            saved::typed_with_view(command, &typed, file, is_window)
+        };
+        let words = match &cli.command {
+            Command::Render(args) => match args.saved_view() {
+                Some(file) => with_view("render", words, file, false)?,
+                None => return Ok(cli),
+            },
+            #[cfg(feature = "view")]
+            Command::View(args) => match args.saved_view() {
+                // The camera is looked through.
+                Some((file, true)) => {
+                    let is_file = |word: &OsString| word == file.as_os_str();
+                    let at = words.iter().rposition(is_file).expect("it was typed");
+                    let mut typed = words.clone();
+                    let mut saved = OsString::from("--saved=");
+                    saved.push(file);
+                    typed[at] = saved;
+                    with_view("view", typed, file, true)?
+                }
+                // The path is flown.
+                Some((file, false)) => with_view("view", words, file, true)?,
+                None => return Ok(cli),
+            },
+            _ => return Ok(cli),
+        };
+        Ok(Cli::parse_from(words))
+    }
+}
+
+/// The words of the command line, with `view` where inputs stand in the place of a command, or nothing does.
 pub fn words(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut words: Vec<_> = given.into_iter().collect();
     let is_input = words.get(1).is_some_and(|word| {
         let text = word.to_string_lossy();
         // A command that is misspelt is no file.
-        let is_path = text.contains(['/', '\\', '.', '*', '?']) || std::path::Path::new(word).exists();
+        let is_path = text.contains(['/', '\\', '.', '*', '?']) || Path::new(word).exists();
         !text.starts_with('-') && (is_path || text.starts_with('@')) && !is_command(&text)
     });
-    if is_input && cfg!(feature = "view") {
+    if (is_input || words.len() == 1) && cfg!(feature = "view") {
         words.insert(1, "view".into());
     }
     words
@@ -74,6 +113,6 @@ mod tests {
         for word in ["render", "rendre", "--help", "-V", "help", "view", "info"] {
             assert_eq!(second(word), None, "{word}");
         }
-        assert_eq!(words([OsString::from("lasray")]).len(), 1);
+        assert_eq!(words([OsString::from("lasray")]), ["lasray", "view"]);
     }
 }

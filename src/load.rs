@@ -13,7 +13,7 @@ use crate::section::Columns;
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::Cache;
-use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions};
+use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions, Treatment};
 use crate::source::{LayerMemory, LidarFile, crs::Crs, crs::Unit};
 use crate::synth;
 use crate::text::tidy;
@@ -198,6 +198,20 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
     finish(bins, about, progress.points.into_inner(), options, problems)
 }
 
+/// What became of a file that was to be opened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fate {
+    /// It is shown.
+    Shown(Treatment),
+    /// It has no place among the others, and why.
+    LeftOut(String),
+    /// It cannot be read, or holds nothing that could be shown, and why.
+    Failed(String),
+}
+
+/// What became of each file, by its path as it was given.
+pub type Fates = Vec<(PathBuf, Fate)>;
+
 /// Files that are open, and all that is decided before they are read.
 pub struct Opening {
     /// The files that are drawn.
@@ -212,13 +226,17 @@ pub struct Opening {
 
 /// Opens `paths` and takes the opening sample.
 pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Opening, LoadError> {
-    let mut opened = Vec::new();
-    for result in sample::open_all(paths) {
-        match result {
-            Ok(file) => opened.push(file),
-            Err(error) => problems.error(error),
-        }
-    }
+    open_and_tell(paths, options, problems, &mut Fates::new())
+}
+
+/// The same; adds to `fates` what becomes of each file, even when this fails: then of those that it fails by.
+pub fn open_and_tell(
+    paths: &[PathBuf],
+    options: &LoadOptions,
+    problems: &mut Problems,
+    fates: &mut Fates,
+) -> Result<Opening, LoadError> {
+    let mut opened = open_files(paths, problems, fates);
     for Opened { file, crs_errors, .. } in &opened {
         let path = file.path().display();
         file.warnings.iter().for_each(|warning| problems.warn(format!("{path}: {warning}")));
@@ -264,6 +282,7 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         }
     }
     let Some(bounds) = sample.bounds else {
+        none_shown(&opened, &sample.world.treatments, fates);
         let mut errors: Vec<_> = sample.problems.iter().map(|(_, error)| error.to_string()).collect();
         errors.dedup();
         errors.iter().for_each(|error| problems.error(error));
@@ -288,6 +307,14 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
 
     let mut inputs = Vec::new();
     for (index, opened) in opened.into_iter().enumerate() {
+        let fate = match sample.world.treatments[index].clone() {
+            Treatment::LeftOut { why } => Fate::LeftOut(why),
+            _ if too_high[index] => {
+                Fate::LeftOut("its heights are too far from 0 for these cells".to_owned())
+            }
+            treatment => Fate::Shown(treatment),
+        };
+        fates.push((opened.file.path().to_owned(), fate));
         if let Some(placement) = sample.world.placements[index].clone().filter(|_| !too_high[index]) {
             let rgb = match (sample.files[index].rgb, options.rgb_bits) {
                 (_, Some(8)) => RgbDepth::Eight,
@@ -320,6 +347,35 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         cell,
     };
     Ok(Opening { inputs, grid, core: core(cell, &bounds), about })
+}
+
+/// The files of `paths` that can be opened; of the others it is said why not.
+fn open_files(paths: &[PathBuf], problems: &mut Problems, fates: &mut Fates) -> Vec<Opened> {
+    let mut opened = Vec::new();
+    for (path, result) in paths.iter().zip(sample::open_all(paths)) {
+        match result {
+            Ok(file) => opened.push(file),
+            Err(error) => {
+                let words = error.to_string();
+                let reason = words.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&words);
+                fates.push((path.clone(), Fate::Failed(reason.to_owned())));
+                problems.error(error);
+            }
+        }
+    }
+    opened
+}
+
+/// What becomes of files none of which has a point that could be shown.
+fn none_shown(opened: &[Opened], treatments: &[Treatment], fates: &mut Fates) {
+    for (opened, treatment) in opened.iter().zip(treatments) {
+        let fate = match treatment {
+            Treatment::LeftOut { why } => Fate::LeftOut(why.clone()),
+            _ if opened.file.points() == 0 => Fate::Failed("it holds no points".to_owned()),
+            _ => Fate::Failed("no point of it lies where it could be shown".to_owned()),
+        };
+        fates.push((opened.file.path().to_owned(), fate));
+    }
 }
 
 /// Which files are left out since no step holds their heights, which is said, and the box of the others; `bounds`, of all,

@@ -29,5 +29,5 @@ pub use decide::{FileSample, Sample, take};
 pub use frame::FrameNote;
 pub use open::{Opened, open_all};
 pub(crate) use parallel::parallel;
-pub use rgb::RgbDepth;
+pub use rgb::{RgbDepth, has_rgb};
 pub use seen::hidden_by_default;

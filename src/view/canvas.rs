@@ -5,13 +5,14 @@
 use super::data::Data;
 use super::overlay::ImageArea;
 use super::pace::Pace;
-use super::settings::{Colors, SAMPLES, Settings, view_of};
+use super::settings::{ColorChoice, Colors, SAMPLES, Settings, view_of};
 use crate::attribute::ColorTable;
 use crate::gpu::{Commands, Gpu, GpuError, SyncPoint, TracedImage};
 use crate::render::camera::Camera;
 use crate::render::frame::{Renderer, View, check_size};
 use crate::render::screen::{Pick, Screen};
 use crate::resident::table::Table;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// What the traced image depends on, but for the data.
@@ -22,10 +23,15 @@ struct Wanted {
     size: [u32; 2],
 }
 
+/// Where it is asked what lies in the middle: shares of the image's width and height.
+const MIDDLE: [f64; 2] = [0.5; 2];
+
 /// What is under the cursor, and what image it was asked of.
 #[derive(Clone, Copy, PartialEq)]
 struct Question {
-    cursor: [f64; 2],
+    at: [f64; 2],
+    /// It is the cursor's place, not the image's middle.
+    is_cursor: bool,
     /// Images since the start.
     version: u64,
 }
@@ -46,8 +52,12 @@ pub struct Canvas {
     pace: Pace,
     version: u64,
     asked: Option<Question>,
-    /// The last answer, and the camera when it came.
+    /// Those that are under way, the oldest first.
+    asking: VecDeque<Question>,
+    /// The last answer for the cursor, and the camera when it came.
     pick: Option<(Pick, Camera)>,
+    /// And that for the middle of the image, which is asked for where the cursor is elsewhere.
+    middle: Option<(Pick, Camera)>,
 }
 
 impl Canvas {
@@ -64,7 +74,9 @@ impl Canvas {
             pace: Pace::new(is_slow),
             version: 0,
             asked: None,
+            asking: VecDeque::new(),
             pick: None,
+            middle: None,
         }
     }
 
@@ -73,7 +85,15 @@ impl Canvas {
         self.renderer = None;
         self.colors = None;
         self.screen.forget();
-        self.asked = None;
+        self.asking.clear();
+        (self.asked, self.pick, self.middle) = (None, None, None);
+    }
+
+    /// Forgets the image, too: nothing is open any more, or something else.
+    pub fn clear(&mut self) {
+        self.forget_scene();
+        self.screen = Screen::default();
+        self.wanted = None;
     }
 
     /// Pixels of the image at rest.
@@ -121,6 +141,11 @@ impl Canvas {
         self.pick.as_ref()
     }
 
+    /// What lies in the middle of the image of `camera`, where that is known: the last answer to [`Canvas::ask`].
+    pub fn middle(&self, camera: &Camera) -> Option<&Pick> {
+        self.middle.as_ref().filter(|(_, of)| of == camera).map(|(pick, _)| pick)
+    }
+
     /// Bytes of sections to upload in a frame, of at most `most`.
     pub fn upload_bytes(&self, most: u64) -> u64 {
         if self.is_urgent { self.pace.upload_bytes(self.area.size, most) } else { most }
@@ -132,17 +157,18 @@ impl Canvas {
     }
 
     /// Whether the colours are what the settings say.
-    pub fn has_colors_of(&self, settings: &Settings) -> bool {
-        self.colors.as_ref().is_none_or(|(of, _)| *of == settings.color)
+    pub fn has_colors_of(&self, data: &Data, settings: &Settings) -> bool {
+        self.colors.as_ref().is_none_or(|(of, _)| *of == ColorChoice::of(settings, data.about()))
     }
 
     /// Makes the colours what the settings say; whether they were not.
     pub fn apply_colors(&mut self, data: &Data, settings: &Settings) -> anyhow::Result<bool> {
-        let color = settings.color;
-        let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == color);
+        let choice = ColorChoice::of(settings, data.about());
+        let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == choice);
         let Some(about) = data.about().filter(|_| !is_current) else { return Ok(false) };
-        let table = ColorTable::new(color, &about.summary, &data.grid().0, None, None)?;
-        self.colors = Some((color, table));
+        let scale = settings.scale();
+        let table = ColorTable::new(settings.color, &about.summary, &data.grid().0, scale.ramp, scale.range)?;
+        self.colors = Some((choice, table));
         Ok(true)
     }
 
@@ -219,28 +245,32 @@ impl Canvas {
         Ok(true)
     }
 
-    /// Asks in frame `slot` what lies under the cursor (pixels from the image's corner), where that is another question than
-    /// the last; whether it was asked. Nothing is asked where `is_taken`: the frame copies something else.
+    /// Asks in frame `slot` what lies under the cursor (pixels from the image's corner), or in the middle where that is
+    /// elsewhere or the middle is `wanted`, if that is another question than the last; whether it was asked. Nothing is
+    /// asked where `is_taken`: the frame copies something else.
     pub fn ask(
         &mut self,
         data: &mut Data,
         (commands, slot): (&mut Commands, usize),
         cursor: Option<[f64; 2]>,
-        is_taken: bool,
+        (middle_is_wanted, is_taken): (bool, bool),
     ) -> Result<bool, GpuError> {
         let is_inside = |at: &[f64; 2]| at.iter().all(|v| (0.0..1.0).contains(v));
-        let Some(cursor) = cursor.map(|at| self.area.share(at)).filter(is_inside) else {
+        let cursor = cursor.map(|at| self.area.share(at)).filter(is_inside);
+        if cursor.is_none() {
             self.pick = None;
-            return Ok(false);
-        };
-        let question = Question { cursor, version: self.version };
+        }
+        let cursor = cursor.filter(|_| !middle_is_wanted);
+        let question =
+            Question { at: cursor.unwrap_or(MIDDLE), is_cursor: cursor.is_some(), version: self.version };
         let Some(renderer) = self.renderer.as_ref().filter(|_| !is_taken && self.asked != Some(question))
         else {
             return Ok(false);
         };
-        let is_asked = self.screen.ask(renderer, data.scene_mut(), (commands, slot), cursor)?;
+        let is_asked = self.screen.ask(renderer, data.scene_mut(), (commands, slot), question.at)?;
         if is_asked {
             self.asked = Some(question);
+            self.asking.push_back(question);
         }
         Ok(is_asked)
     }
@@ -250,14 +280,24 @@ impl Canvas {
         self.screen.submitted(slot, point);
     }
 
-    /// Answers that are there by now, the latest last, which is kept as one for `camera`; waits for nothing.
-    pub fn take_picks(&mut self, data: &mut Data, camera: &Camera) -> Result<Vec<Pick>, GpuError> {
-        let Some(renderer) = &self.renderer else { return Ok(Vec::new()) };
-        let picks = self.screen.take_picks(renderer, data.scene_mut())?;
-        if let Some(pick) = picks.last() {
-            self.pick = Some((*pick, *camera));
+    /// Answers for the cursor that are there by now, the latest last, which is kept as one for `camera`; waits for nothing.
+    /// Tells whether there was one for the middle, too.
+    pub fn take_picks(&mut self, data: &mut Data, camera: &Camera) -> Result<(Vec<Pick>, bool), GpuError> {
+        let Some(renderer) = &self.renderer else { return Ok((Vec::new(), false)) };
+        let (mut of_cursor, mut of_middle) = (Vec::new(), false);
+        for pick in self.screen.take_picks(renderer, data.scene_mut())? {
+            // Those that were lost on the way are followed by others.
+            while let Some(asked) = self.asking.pop_front() {
+                if asked.at == pick.at {
+                    of_middle |= !asked.is_cursor;
+                    let kept = if asked.is_cursor { &mut self.pick } else { &mut self.middle };
+                    *kept = Some((pick, *camera));
+                    of_cursor.extend(asked.is_cursor.then_some(pick));
+                    break;
+                }
+            }
         }
-        Ok(picks)
+        Ok((of_cursor, of_middle))
     }
 
     /// Learns from frames that are done; gives their milliseconds.

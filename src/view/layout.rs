@@ -1,12 +1,12 @@
 //! The toolkit's part of a frame: panel, status bar, boxes, and what is drawn over the image.
 
 use super::data::DataStatus;
-use super::overlay::{self, ImageArea};
+use super::options::WindowOptions;
+use super::overlay::{self, ImageArea, ScalePlace};
 use super::panel::{self, PanelContent, PanelRequests};
 use super::settings::{SAMPLES, Settings};
 use super::viewer::Viewer;
 use crate::render::camera::Camera;
-use crate::render::screen::PickedPoint;
 use egui::{Color32, FontId, Painter, Rect};
 use std::time::{Duration, Instant};
 
@@ -26,10 +26,12 @@ pub struct UserInterface {
 struct ImageOverlay<'a> {
     /// Where it sees the data.
     camera: Option<&'a Camera>,
-    /// What lies under the cursor.
-    pick: Option<PickedPoint>,
+    /// Where a scale holds.
+    scale: Option<ScalePlace>,
     /// A line of words.
     notice: Option<&'a str>,
+    /// Nothing is open.
+    is_free: bool,
     /// Nothing is seen of the data.
     is_empty: bool,
     /// Pixels of the image before this frame.
@@ -37,29 +39,40 @@ struct ImageOverlay<'a> {
 }
 
 impl ImageOverlay<'_> {
-    fn paint(&self, painter: &Painter, rect: Rect, settings: &Settings, content: &PanelContent) {
+    /// Gives the words of the scale bar.
+    fn paint(
+        &self,
+        painter: &Painter,
+        rect: Rect,
+        settings: &Settings,
+        content: &PanelContent,
+    ) -> Option<String> {
         let area = ImageArea { rect, size: self.size };
+        let mut scale = None;
         if let (Some(camera), Some(about)) = (self.camera, content.about) {
             if self.is_empty {
                 let bounds = about.bounds.exaggerated(settings.z_scale, about.bounds.min.z);
                 overlay::frame(painter, area, camera, &bounds);
             }
             overlay::north_arrow(painter, area, camera);
-            let middle = self.pick.map_or(camera.target(), |point| point.shown);
             let unit = about.unit.as_ref().map(|unit| unit.symbol());
-            overlay::scale_bar(painter, area, camera, middle, unit);
+            scale = self.scale.and_then(|place| overlay::scale_bar(painter, area, camera, place, unit));
+        }
+        if self.is_free {
+            overlay::invitation(painter, area);
         }
         match self.notice {
             Some(words) => overlay::notice(painter, area, words),
-            None if self.is_empty => opening(painter, rect, content.status),
+            None if self.is_empty && !self.is_free => opening(painter, rect, content.status),
             None => {}
         }
+        scale
     }
 }
 
 impl Viewer {
     /// Runs the toolkit, and does what was asked for in the panel.
-    pub(super) fn lay_out(&mut self) -> anyhow::Result<UserInterface> {
+    pub(super) fn lay_out(&mut self, options: &WindowOptions) -> anyhow::Result<UserInterface> {
         let raw = self.toolkit.take_egui_input(&self.window);
         let status = self.data.status();
         let under_cursor =
@@ -71,22 +84,29 @@ impl Viewer {
             times: &self.timing.times,
             under_cursor,
             state: self.state(&status),
+            refused: self.data.refused(),
+            is_empty: self.data.is_empty(),
         };
         self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
         let notice = self.notice.as_ref().map(|(words, _)| &words[..]);
+        let camera = self.navigation.is_framed().then_some(&self.navigation.camera);
+        let at_cursor = self.canvas.pick().and_then(|(pick, _)| pick.point).map(|point| point.shown);
+        let in_middle =
+            |camera| self.canvas.middle(camera).and_then(|pick| pick.point).map(|point| point.shown);
         let over = ImageOverlay {
-            camera: self.navigation.is_framed().then_some(&self.navigation.camera),
-            pick: self.canvas.pick().and_then(|(pick, _)| pick.point),
+            camera,
+            scale: camera.and_then(|camera| ScalePlace::of(camera, at_cursor, in_middle(camera))),
+            is_free: content.is_empty,
             notice: status.failed.as_deref().or(notice).or(status.hidden.as_deref()),
             is_empty: self.data.scene().shows_nothing(),
             size: self.canvas.size(),
         };
         let (panel, settings, context) = (&mut self.panel, &mut self.settings, self.context.clone());
-        let (mut requests, mut rect) = (PanelRequests::default(), Rect::ZERO);
+        let (mut requests, mut rect, mut scale) = (PanelRequests::default(), Rect::ZERO, None);
         let output = context.run_ui(raw, |ui| {
             requests = panel.show(ui, settings, &content);
             rect = ui.available_rect_before_wrap();
-            over.paint(&ui.painter().with_clip_rect(rect), rect, settings, &content);
+            scale = over.paint(&ui.painter().with_clip_rect(rect), rect, settings, &content);
         });
         let egui::FullOutput {
             platform_output,
@@ -100,7 +120,8 @@ impl Viewer {
         let side = |low: f32, high: f32| (high.round() - low.round()).max(0.0) as u32;
         let size = [side(scaled.left(), scaled.right()), side(scaled.top(), scaled.bottom())];
         self.canvas.area = ImageArea { rect, size };
-        self.answer(requests, pixels_per_point);
+        self.log.state("scale", format_args!("{}", scale.as_deref().unwrap_or("none")));
+        self.answer(options, requests, pixels_per_point)?;
         self.textures.change(std::mem::take(&mut textures_delta.set))?;
         Ok(UserInterface {
             pixels_per_point,
@@ -111,20 +132,30 @@ impl Viewer {
     }
 
     /// Does what was asked for in the panel.
-    fn answer(&mut self, requests: PanelRequests, pixels_per_point: f32) {
-        self.log.checks(requests.checks, pixels_per_point);
-        if let Some((file, is_shown)) = requests.file {
-            self.log.line(format_args!("file {file} {}", if is_shown { "shown" } else { "hidden" }));
-            self.data.set_visible(file, is_shown);
+    fn answer(
+        &mut self,
+        options: &WindowOptions,
+        requests: PanelRequests,
+        pixels_per_point: f32,
+    ) -> anyhow::Result<()> {
+        self.log.places(requests.places, pixels_per_point);
+        if let Some((rect, is_whole)) = requests.keys {
+            let [left, top, right, bottom] = [rect.left(), rect.top(), rect.right(), rect.bottom()];
+            let whole = if is_whole { "whole" } else { "scrolled" };
+            self.log.state("keys", format_args!("{whole} {left:.0} {top:.0} {right:.0} {bottom:.0}"));
+        }
+        if let Some(request) = requests.file {
+            self.do_with_file(request)?;
         }
         if let Some(place) = requests.go_to
-            && self.navigation.go_to(place, &self.data, &self.settings)
+            && self.navigation.go_to(place, (&self.data, &self.settings, &self.canvas))
         {
             self.window.request_redraw();
         }
-        if let Some(path) = requests.open {
-            self.open_view(&path);
+        if let Some(request) = requests.open {
+            self.open(options, request)?;
         }
+        Ok(())
     }
 
     /// What is going on, in short.
@@ -134,6 +165,7 @@ impl Viewer {
             return format!("saving {} of {SAMPLES}", saving.samples());
         }
         match () {
+            _ if self.data.is_empty() => "nothing is open".to_owned(),
             _ if !status.is_complete && status.points > 0 && status.points_decoded < status.points => {
                 let share = status.points_decoded as f64 / status.points as f64 * 100.0;
                 format!("reading {share:.0} %")

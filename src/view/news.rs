@@ -42,7 +42,15 @@ impl Viewer {
             self.redraw.device_done(Instant::now());
             self.drawing = None;
         }
-        for pick in self.canvas.take_picks(&mut self.data, &self.navigation.camera)? {
+        let (picks, is_of_middle) = self.canvas.take_picks(&mut self.data, &self.navigation.camera)?;
+        if is_of_middle {
+            let middle = self.canvas.middle(&self.navigation.camera).and_then(|pick| pick.point);
+            let middle = middle.map(|point| point.shown);
+            self.navigation.toggle(middle, (&self.data, &self.settings, &self.canvas));
+            self.window.request_redraw();
+            self.redraw.asks(false);
+        }
+        for pick in picks {
             if let Some(point) = &pick.point {
                 let at = point.shown;
                 self.log.line(format_args!(
@@ -76,6 +84,9 @@ impl Viewer {
             self.redraw.outdate();
         }
         self.redraw.uploads(tick.is_busy);
+        for words in self.data.take_notices() {
+            self.notify(words);
+        }
         if tick.is_new_scene {
             self.canvas.forget_scene();
             self.redraw.new_scene();

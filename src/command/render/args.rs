@@ -15,14 +15,14 @@ use crate::resident::visibility::Visibility;
 use crate::source::learned::Cache;
 use glam::DVec3;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Arguments of `lasray render`.
 #[derive(Clone, Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Args {
     /// Files, folders, @lists and patterns
-    #[arg(required_unless_present = "demo", value_name = "INPUT")]
+    #[arg(required_unless_present_any = ["demo", "path"], value_name = "INPUT")]
     pub(super) inputs: Vec<OsString>,
     /// Picture to write: .png or .exr; with --each, {stem} stands for the input's name; with --path, %d or
     /// %04d for the number of the picture, from 0
@@ -74,7 +74,8 @@ pub struct Args {
     /// world file
     #[arg(long, value_parser = positive, conflicts_with = "fov", help_heading = "Camera", value_name = "UNITS")]
     pub(super) ortho: Option<f64>,
-    /// Camera path to draw, a picture a frame: see docs/camera-paths.md
+    /// Camera path to draw, a picture a frame (see docs/camera-paths.md); without inputs a saved view, with its files,
+    /// colours and layers
     #[arg(long, conflicts_with_all = ["eye", "target", "orbit", "fov", "ortho", "each"], help_heading = "Camera", value_name = "FILE")]
     pub(super) path: Option<PathBuf>,
     /// Pictures to draw, spread evenly over the path [default: all of its frames]
@@ -147,6 +148,11 @@ pub struct Args {
 }
 
 impl Args {
+    /// The camera path that is to say what is drawn: without inputs.
+    pub fn saved_view(&self) -> Option<&Path> {
+        self.path.as_deref().filter(|_| self.inputs.is_empty())
+    }
+
     /// Where it is kept what was learned of files.
     pub(super) fn cache(&self) -> Option<Cache> {
         if self.no_cache { None } else { Cache::of_user() }
