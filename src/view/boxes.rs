@@ -113,7 +113,13 @@ impl OpenBox {
     }
 
     /// The box's content; what is to be opened, and whether instead of what is open, once that is said.
-    fn show(&mut self, ui: &mut Ui, (focus, is_more): (bool, bool), refused: Option<&str>) -> Option<bool> {
+    fn show(
+        &mut self,
+        ui: &mut Ui,
+        (focus, is_more): (bool, bool),
+        refused: Option<&str>,
+        places: &mut Vec<(String, egui::Pos2)>,
+    ) -> Option<bool> {
         let id = ui.id().with("path");
         self.look();
         // Tab goes on in the path, not to another widget.
@@ -126,6 +132,7 @@ impl OpenBox {
         }
         let edit = TextEdit::singleline(&mut self.text).id(id).lock_focus(true);
         let edit = ui.add(edit.hint_text("folder, files or a saved view").desired_width(420.0));
+        places.push(("open box".to_owned(), edit.rect.center()));
         if focus {
             edit.request_focus();
             self.to_end(ui, id);
@@ -219,7 +226,9 @@ pub fn show(panel: &mut Panel, context: &egui::Context, is_more: bool, requests:
     if let Some(open) = &mut panel.open_box {
         let mut said = None;
         let refused = panel.refused.as_deref();
-        boxed("Open").show(context, |ui| said = open.show(ui, (focus, is_more), refused));
+        boxed("Open").show(context, |ui| {
+            said = open.show(ui, (focus, is_more), refused, &mut requests.places);
+        });
         match said.map(|instead| (inputs(&open.text), instead)) {
             Some((Ok(inputs), instead)) => {
                 requests.open = Some(OpenRequest { inputs, instead });
@@ -243,7 +252,7 @@ fn keys(context: &egui::Context) -> Option<(egui::Rect, bool)> {
     let room = context.content_rect().height() - 60.0;
     let shown = boxed("Keys").show(context, |ui| {
         ui.spacing_mut().interact_size.y = 0.0;
-        let list = ScrollArea::vertical().max_height(room).show(ui, |ui| {
+        let list = ScrollArea::vertical().max_height(room).min_scrolled_height(room).show(ui, |ui| {
             egui::Grid::new("keys").spacing(vec2(20.0, 2.0)).show(ui, |ui| {
                 for (keys, what) in KEYS {
                     ui.label(RichText::new(keys).strong());

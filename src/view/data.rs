@@ -712,10 +712,10 @@ impl Data {
         files.filter(|file| !file.shown && !file.is_removed).map(|file| &*file.path)
     }
 
-    /// Whether files came after the first: what was chosen by those is not what would be chosen by all.
-    pub fn has_more(&self) -> bool {
-        let of_first = |file: &FileAbout| file.source < self.first_files;
-        self.about.as_ref().is_some_and(|about| !about.files.iter().all(of_first))
+    /// Whether other files are shown than were opened first: what was chosen by those is not what these would choose.
+    pub fn shows_others(&self) -> bool {
+        let is_first = |file: &FileAbout| file.source < self.first_files && file.shown && !file.is_removed;
+        self.about.as_ref().is_some_and(|about| !about.files.iter().all(is_first))
     }
 
     /// How files are read.

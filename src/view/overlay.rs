@@ -124,6 +124,12 @@ pub fn scale_bar(
     let length = round_length(LONGEST * per_point);
     let width = (length / per_point) as f32;
     let left = pos2(area.rect.left() + MARGIN, area.rect.bottom() - MARGIN);
+    let words = format!("{}{holds}", length_text(length, unit));
+    let galley = painter.layout_no_wrap(words.clone(), FontId::proportional(13.0), INK);
+    // On a plate of its own: what is behind may be white.
+    let [high, wide] = [galley.size().y, width.max(galley.size().x)];
+    let plate = Rect::from_min_max(left - vec2(0.0, 8.0 + high), left + vec2(wide, 1.0));
+    painter.rect_filled(plate.expand2(vec2(8.0, 6.0)), 5.0, Color32::from_black_alpha(130));
     let line = |painter: &Painter, by: Vec2, stroke: Stroke| {
         let (a, b) = (left + by, left + by + vec2(width, 0.0));
         painter.line_segment([a, b], stroke);
@@ -133,8 +139,6 @@ pub fn scale_bar(
     };
     line(painter, vec2(0.0, 1.0), Stroke::new(3.5, SHADOW));
     line(painter, Vec2::ZERO, Stroke::new(2.0, INK));
-    let words = format!("{}{holds}", length_text(length, unit));
-    let galley = painter.layout_no_wrap(words.clone(), FontId::proportional(13.0), INK);
     // Over the bar's middle, but not over the image's border.
     let across = (width - galley.size().x).max(0.0) / 2.0;
     text(painter, left + vec2(across, -6.0), Align2::LEFT_BOTTOM, &words, 13.0);

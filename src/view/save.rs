@@ -106,17 +106,17 @@ fn classes(mask: ClassMask, present: &BTreeSet<u8>) -> Option<(&'static str, Str
 fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     let Seen { data, about, settings, size, .. } = seen;
     let read = data.options();
-    // What was chosen by the first files would be another choice for all of them.
-    let has_more = data.has_more();
+    // What was chosen by the first files is said where others would choose it now.
+    let is_other = data.shows_others();
     let mut options = vec![("size", text(format!("{}x{}", size[0], size[1])))];
-    if settings.color != about.color || has_more {
+    if settings.color != about.color || is_other {
         options.push(("color", text(settings.color.name())));
     }
     let scale = settings.scale();
     if let Some(ramp) = scale.ramp {
         options.push(("ramp", text(ramp.name())));
     }
-    let chosen = seen.colors.and_then(|colors| colors.range).filter(|_| has_more);
+    let chosen = seen.colors.and_then(|colors| colors.range).filter(|_| is_other);
     if let Some((low, high)) = scale.range.or(chosen) {
         options.push(("range", text(format!("{},{}", tidy(low), tidy(high)))));
     }
@@ -127,7 +127,7 @@ fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     if settings.z_scale != 1.0 {
         options.push(("z-scale", OptionValue::Number(settings.z_scale)));
     }
-    if let Some(cell) = read.cell.or(has_more.then_some(about.cell)) {
+    if let Some(cell) = read.cell.or(is_other.then_some(about.cell)) {
         options.push(("cell", OptionValue::Number(cell)));
     }
     let is_moved = |file: &super::data::FileAbout| matches!(file.treatment, Treatment::Transformed { .. });

@@ -63,7 +63,7 @@ impl Settings {
 
 /// Colour modes that the data have something to show by.
 pub fn modes(data: Option<&DataAbout>) -> impl Iterator<Item = ColorMode> {
-    let has_rgb = data.is_none_or(DataAbout::has_rgb);
+    let has_rgb = data.is_some_and(DataAbout::has_rgb);
     MODES.into_iter().filter(move |mode| has_rgb || *mode != ColorMode::Rgb)
 }
 

@@ -177,9 +177,9 @@ impl Viewer {
 
     /// Makes the scene and the colours what the settings say.
     pub fn apply_settings(&mut self) -> anyhow::Result<()> {
-        if !modes(self.data.about()).any(|mode| mode == self.settings.color) {
-            // The last file with colours is gone.
+        if self.data.about().is_some_and(|about| !modes(Some(about)).any(|of| of == self.settings.color)) {
             self.settings.color = ColorMode::Height;
+            self.notify("No file has RGB: heights are shown");
         }
         let visibility = self.settings.visibility;
         if self.data.scene().visibility() != visibility {
