@@ -671,7 +671,6 @@ fn what_is_done_with_files_is_told_once_and_stays_in_the_list() {
         assert!(command.contains(" tiles/tile_") && !command.contains("unnamed"), "{command}");
         assert!(!command.contains(" tiles "), "{command}");
         window.click("dismiss 0");
-        window.wait("settled");
         window.click("copy list");
         assert!(window.wait_all("list ").1.contains("hidden"), "it is in the list all the same");
 
@@ -868,7 +867,7 @@ fn parallel_views_are_true_to_scale() {
         assert!((b[0] - a[0] - 200.0 * units).abs() < 1e-2, "{a:?} {b:?} at {units}");
         assert!((b[1] - a[1] - 60.0 * units).abs() < 1e-2, "{a:?} {b:?} at {units}");
 
-        // The wheel leaves what is under the cursor there.
+        // The wheel leaves what is under the cursor there, to a pixel of the image before.
         window.skip();
         for _ in 0..4 {
             window.xdotool(&["click", "4"]);
@@ -879,7 +878,7 @@ fn parallel_views_are_true_to_scale() {
         assert!(notches >= 4.0 && (notches - notches.round()).abs() < 1e-6, "{nearer} {units}");
         at(&window, [690, 240]);
         let same = at(&window, [700, 240]);
-        assert!((same[0] - b[0]).abs() < 1e-2 && (same[1] - b[1]).abs() < 1e-2, "{b:?} {same:?}");
+        assert!((0..2).all(|axis| (same[axis] - b[axis]).abs() < units), "{b:?} {same:?}");
         // So does a drag.
         window.skip();
         window.xdotool(&["mousedown", "3"]);
@@ -890,7 +889,7 @@ fn parallel_views_are_true_to_scale() {
         window.wait("settled");
         at(&window, [640, 270]);
         let same = at(&window, [650, 270]);
-        assert!((same[0] - b[0]).abs() < 1e-2 && (same[1] - b[1]).abs() < 1e-2, "{b:?} {same:?}");
+        assert!((0..2).all(|axis| (same[axis] - b[axis]).abs() < units), "{b:?} {same:?}");
 
         // A picture from above says where it lies.
         window.key("p");
@@ -902,13 +901,11 @@ fn parallel_views_are_true_to_scale() {
         // The image begins right of the panel; what is at 650, 270 is known.
         let (width, _) = pixels(&folder.path().join("lasray-0001.png"));
         let column = 650.0 - (900.0 - width as f64) - 0.5;
-        assert!((world[4] + nearer * column - b[0]).abs() < nearer, "{world:?} {b:?}");
-        assert!((world[5] - nearer * 269.5 - b[1]).abs() < nearer, "{world:?} {b:?}");
+        let there = [world[4] + nearer * column, world[5] - nearer * 269.5];
+        assert!((0..2).all(|axis| (there[axis] - same[axis]).abs() < 1.5 * nearer), "{there:?} {same:?}");
         assert!(fs::read_to_string(folder.path().join("lasray-0001.prj")).unwrap().contains("UTM"));
 
         // The other projection, and back: the middle stays, as large as it was.
-        window.xdotool(&["mousemove", "600", "300"]);
-        window.wait("settled");
         let [x, y] = [900 - width as i32 / 2, 307];
         let [before, beside] = [at(&window, [x, y]), at(&window, [x + 4, y])];
         window.key("o");

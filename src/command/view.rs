@@ -123,7 +123,7 @@ pub struct Args {
     #[arg(long, hide = true, value_name = "FILE")]
     hidden: Vec<PathBuf>,
     /// The saved view whose camera is the first
-    #[arg(long, hide = true, conflicts_with_all = ["eye", "target", "orbit", "ortho", "path"], value_name = "FILE")]
+    #[arg(long, hide = true, conflicts_with = "path", value_name = "FILE")]
     saved: Option<PathBuf>,
 }
 
@@ -157,6 +157,7 @@ impl Args {
         let shown = self.classes.as_ref().map_or(ClassMask::default(), |list| ClassMask::only(&list.0));
         let classes = self.hide.as_ref().map_or(shown, |list| shown.without(&list.0));
         let bridge = if self.no_bridge { 0 } else { 4 };
+        let is_typed = self.target.is_some() || self.orbit.is_some() || self.ortho.is_some();
         let read = |file: &PathBuf| CameraPath::read(file).map_err(|error| UsageError(error.to_string()));
         Ok(view::ViewOptions {
             inputs: self.inputs.clone(),
@@ -180,7 +181,8 @@ impl Args {
             orbit: self.orbit.map(|orbit| (orbit.angles, orbit.distance)),
             fov: self.fov,
             ortho: self.ortho,
-            saved: self.saved.as_ref().map(read).transpose()?,
+            // A camera that is typed counts before the saved one.
+            saved: self.saved.as_ref().filter(|_| !is_typed).map(read).transpose()?,
         })
     }
 }

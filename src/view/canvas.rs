@@ -141,6 +141,11 @@ impl Canvas {
         self.pick.as_ref()
     }
 
+    /// Whether an answer for the middle is under way.
+    pub fn awaits_middle(&self) -> bool {
+        self.asking.iter().any(|question| !question.is_cursor)
+    }
+
     /// What lies in the middle of the image of `camera`, where that is known: the last answer to [`Canvas::ask`].
     pub fn middle(&self, camera: &Camera) -> Option<&Pick> {
         self.middle.as_ref().filter(|(_, of)| of == camera).map(|(pick, _)| pick)

@@ -88,7 +88,7 @@ fn refused_row(ui: &mut Ui, index: usize, refused: &Refused, requests: &mut Pane
             requests.file = Some(FileRequest::Dismiss(index));
         }
         ui.label(RichText::new(refused.badge).small().color(badge_color(refused.badge)));
-        name(ui, refused.short_name(), &refused.name, &refused.why, WEAK, true);
+        name(ui, refused.short_name(), &refused.name, &refused.why, WEAK, false);
     });
 }
 

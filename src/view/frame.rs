@@ -42,6 +42,9 @@ impl Viewer {
             self.notify("The picture is being saved: the change comes after it");
         }
 
+        if self.saving.is_none() {
+            self.navigation.keep_before(&self.data, &self.settings);
+        }
         let is_outdated = self.redraw.take_outdated();
         let has_more = self.plan_image(is_outdated)?;
         self.redraw.planned(has_more);
@@ -151,8 +154,8 @@ impl Viewer {
             let what = (is_toggling, is_copied);
             if self.canvas.ask(&mut self.data, (&mut commands, slot), cursor, what)? {
                 self.redraw.asks(true);
-            } else if is_toggling && !is_copied {
-                // It was asked before, or there is nothing to ask.
+            } else if is_toggling && !is_copied && !self.canvas.awaits_middle() {
+                // It was answered before, or there is nothing to ask.
                 let camera = &self.navigation.camera;
                 let middle = self.canvas.middle(camera).and_then(|pick| pick.point).map(|point| point.shown);
                 self.navigation.toggle(middle, (&self.data, &self.settings, &self.canvas));

@@ -219,6 +219,13 @@ impl Navigation {
         }
     }
 
+    /// Brings a parallel camera back before all of the data, which may be others or higher than they were.
+    pub fn keep_before(&mut self, data: &Data, settings: &Settings) {
+        if let Ok(camera) = before_all(&self.camera, data, settings) {
+            self.camera = camera;
+        }
+    }
+
     /// North comes up.
     pub fn north_up(&mut self, (data, settings, _): SeenData) {
         let turned = navigate::north_up(&self.camera);
