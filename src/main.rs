@@ -15,7 +15,6 @@ const FAILED: u8 = 1;
 const USAGE: u8 = 2;
 
 fn main() -> ExitCode {
-    let is_alone = std::env::args_os().len() < 2;
     // Parsing ends the process with code 2 where the words are wrong.
     let cli = match Cli::of(cli::words(std::env::args_os())) {
         Ok(cli) => cli,
@@ -46,7 +45,7 @@ fn main() -> ExitCode {
         Ok(Outcome::Done) => (0, false),
         Ok(Outcome::Incomplete) => (FAILED, true),
         #[cfg(feature = "view")]
-        Err(error) if is_alone && error.is::<lasray::view::NoWindow>() => {
+        Err(error) if std::env::args_os().len() < 2 && error.is::<lasray::view::NoWindow>() => {
             // Where no window can be opened, the name alone asks how to go on.
             eprint!("{}", Cli::command().render_help());
             (USAGE, true)

@@ -836,7 +836,7 @@ fn parallel_views_are_true_to_scale() {
         let Some(display) = Display::open("parallel_views_are_true_to_scale") else { return };
         let (folder, file) = town();
         let mut window =
-            Window::open(&display, folder.path(), &["--size", "900x640", file.to_str().unwrap()]);
+            Window::open(&display, folder.path(), &["--size", "700x520", file.to_str().unwrap()]);
         window.wait("first frame");
         window.focus();
         window.wait("settled");
@@ -847,14 +847,13 @@ fn parallel_views_are_true_to_scale() {
             [0, 1, 2].map(|axis| number(&pick[axis]))
         };
         // In perspective a scale says where it holds.
-        let center = [600, 307];
-        at(&window, center);
+        at(&window, [500, 260]);
         window.skip();
-        window.xdotool(&["mousemove", "100", "620"]);
+        window.xdotool(&["mousemove", "100", "510"]);
         let scale = window.wait_all("scale ").1;
         assert!(scale.ends_with(" in the middle"), "{scale}");
         window.skip();
-        window.xdotool(&["mousemove", "600", "320"]);
+        window.xdotool(&["mousemove", "500", "250"]);
         let scale = window.wait_all("scale ").1;
         assert!(scale.ends_with(" at the cursor"), "{scale}");
 
@@ -863,7 +862,7 @@ fn parallel_views_are_true_to_scale() {
         assert!(scale.ends_with(" m"), "it holds everywhere: {scale}");
         let units = number(&window.wait("projection parallel")[0]);
         window.wait("settled");
-        let (a, b) = (at(&window, [500, 300]), at(&window, [700, 240]));
+        let (a, b) = (at(&window, [420, 250]), at(&window, [620, 190]));
         assert!((b[0] - a[0] - 200.0 * units).abs() < 1e-2, "{a:?} {b:?} at {units}");
         assert!((b[1] - a[1] - 60.0 * units).abs() < 1e-2, "{a:?} {b:?} at {units}");
 
@@ -876,8 +875,8 @@ fn parallel_views_are_true_to_scale() {
         window.wait("settled");
         let notches = (nearer / units).ln() / 0.85f64.ln();
         assert!(notches >= 4.0 && (notches - notches.round()).abs() < 1e-6, "{nearer} {units}");
-        at(&window, [690, 240]);
-        let same = at(&window, [700, 240]);
+        at(&window, [610, 190]);
+        let same = at(&window, [620, 190]);
         assert!((0..2).all(|axis| (same[axis] - b[axis]).abs() < units), "{b:?} {same:?}");
         // So does a drag.
         window.skip();
@@ -887,8 +886,8 @@ fn parallel_views_are_true_to_scale() {
         }
         window.xdotool(&["mouseup", "3"]);
         window.wait("settled");
-        at(&window, [640, 270]);
-        let same = at(&window, [650, 270]);
+        at(&window, [560, 220]);
+        let same = at(&window, [570, 220]);
         assert!((0..2).all(|axis| (same[axis] - b[axis]).abs() < units), "{b:?} {same:?}");
 
         // A picture from above says where it lies.
@@ -898,15 +897,15 @@ fn parallel_views_are_true_to_scale() {
         let world = fs::read_to_string(folder.path().join("lasray-0001.pgw")).unwrap();
         let world: Vec<f64> = world.lines().map(number).collect();
         assert_eq!((world[0], world[3]), (nearer, -nearer));
-        // The image begins right of the panel; what is at 650, 270 is known.
+        // The image begins right of the panel; what is at 570, 220 is known.
         let (width, _) = pixels(&folder.path().join("lasray-0001.png"));
-        let column = 650.0 - (900.0 - width as f64) - 0.5;
-        let there = [world[4] + nearer * column, world[5] - nearer * 269.5];
+        let column = 570.0 - (700.0 - width as f64) - 0.5;
+        let there = [world[4] + nearer * column, world[5] - nearer * 219.5];
         assert!((0..2).all(|axis| (there[axis] - same[axis]).abs() < 1.5 * nearer), "{there:?} {same:?}");
         assert!(fs::read_to_string(folder.path().join("lasray-0001.prj")).unwrap().contains("UTM"));
 
         // The other projection, and back: the middle stays, as large as it was.
-        let [x, y] = [900 - width as i32 / 2, 307];
+        let [x, y] = [700 - width as i32 / 2, 247];
         let [before, beside] = [at(&window, [x, y]), at(&window, [x + 4, y])];
         window.key("o");
         window.wait("projection perspective 45");
@@ -924,7 +923,7 @@ fn parallel_views_are_true_to_scale() {
         window.key("2");
         window.wait("settled");
         window.skip();
-        window.xdotool(&["mousemove", "600", "330", "mousedown", "1"]);
+        window.xdotool(&["mousemove", "480", "260", "mousedown", "1"]);
         for _ in 0..10 {
             window.xdotool(&["mousemove_relative", "--", "25", "0"]);
         }
@@ -933,7 +932,7 @@ fn parallel_views_are_true_to_scale() {
         assert!(azimuth > 30.0, "{azimuth}");
         // A click on the compass brings north up.
         window.skip();
-        window.xdotool(&["mousemove", "856", "44", "click", "1"]);
+        window.xdotool(&["mousemove", "656", "44", "click", "1"]);
         let (_, [azimuth, _]) = view(&window.wait("settled"));
         assert_eq!(azimuth, 0.0);
         assert_eq!(window.end(), Some(0));
