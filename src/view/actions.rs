@@ -1,10 +1,10 @@
 //! What keys do, beyond moving the camera: views, images and settings.
 
 use super::boxes::{OpenBox, OpenRequest};
-use super::fates;
 use super::file_list::FileRequest;
 use super::input::Action;
 use super::options::{OpenedView, WindowOptions};
+use super::remarks;
 use super::save;
 use super::saving::Saving;
 use super::settings::{BRIDGE, modes};
@@ -23,12 +23,12 @@ impl Viewer {
             Action::NorthUp => self.navigation.north_up((&self.data, &self.settings, &self.canvas)),
             Action::Back => self.navigation.back(),
             Action::GoTo => {
-                self.panel.close();
-                (self.panel.go_to, self.panel.focus) = (Some(String::new()), true);
+                self.panel.boxes.close();
+                (self.panel.boxes.go_to, self.panel.boxes.focus) = (Some(String::new()), true);
             }
             Action::Open => {
-                self.panel.close();
-                (self.panel.open_box, self.panel.focus) = (Some(OpenBox::default()), true);
+                self.panel.boxes.close();
+                (self.panel.boxes.open, self.panel.boxes.focus) = (Some(OpenBox::default()), true);
             }
             Action::SaveImage => self.save_image()?,
             Action::SaveView => {
@@ -50,7 +50,7 @@ impl Viewer {
                 }
             }
             Action::TogglePanel => self.panel.is_open = !self.panel.is_open,
-            Action::ToggleKeys => self.panel.has_keys = !self.panel.has_keys,
+            Action::ToggleKeys => self.panel.boxes.has_keys = !self.panel.boxes.has_keys,
             Action::NextColor => {
                 let modes: Vec<_> = modes(self.data.about()).collect();
                 let at = modes.iter().position(|mode| *mode == self.settings.color).unwrap_or(0);
@@ -64,7 +64,7 @@ impl Viewer {
                 let shade = &mut self.settings.shade;
                 *shade = if *shade == Shade::Lit { Shade::None } else { Shade::Lit };
             }
-            Action::Escape => self.panel.close(),
+            Action::Escape => self.panel.boxes.close(),
         }
         Ok(())
     }
@@ -203,7 +203,7 @@ impl Viewer {
             FileRequest::Dismiss(refused) => self.data.dismiss(refused),
             FileRequest::Copy => {
                 let files = self.data.about().map_or(&[][..], |about| &about.files);
-                let list = fates::list(files.iter(), self.data.refused());
+                let list = remarks::list(files.iter(), self.data.refused());
                 list.lines().for_each(|line| self.log.line(format_args!("list {line}")));
                 self.toolkit.set_clipboard_text(list);
                 self.notify("The list of files is on the clipboard");

@@ -1,7 +1,7 @@
 //! The small boxes over the image: where to go, what to open, and the list of keys.
 
 use super::input::KEYS;
-use super::panel::{Panel, PanelRequests, WARN, weak};
+use super::widgets::{WARN, weak};
 use egui::text::{CCursor, CCursorRange};
 use egui::{Align2, Key, Modifiers, Response, RichText, ScrollArea, TextEdit, Ui, Vec2, vec2};
 use std::ffi::OsString;
@@ -199,47 +199,91 @@ fn boxed(title: &str) -> egui::Window<'_> {
     egui::Window::new(title).anchor(Align2::CENTER_CENTER, Vec2::ZERO).collapsible(false).resizable(false)
 }
 
-/// Lays out the boxes that are open. `is_more`: something is open already.
-pub fn show(panel: &mut Panel, context: &egui::Context, is_more: bool, requests: &mut PanelRequests) {
-    let focus = std::mem::take(&mut panel.focus);
-    if let Some(text) = &mut panel.go_to {
-        let mut is_done = false;
-        boxed("Go to").show(context, |ui| {
-            let edit = ui.add(TextEdit::singleline(text).hint_text("E, N or E, N, U").desired_width(320.0));
-            if focus {
-                edit.request_focus();
-            }
-            is_done = is_entered(&edit, ui);
-            if let Some(refused) = &panel.refused {
-                ui.label(RichText::new(refused).color(WARN).small());
-            }
-        });
-        match is_done.then(|| typed(text)) {
-            Some(Ok(place)) => {
-                requests.go_to = Some(place);
-                panel.close();
-            }
-            Some(Err(why)) => (panel.refused, panel.focus) = (Some(why), true),
-            None => {}
-        }
+/// The boxes that are open.
+#[derive(Default)]
+pub struct Boxes {
+    /// The list of keys is there.
+    pub has_keys: bool,
+    /// What is typed into the box for coordinates.
+    pub go_to: Option<String>,
+    /// The box that asks what to open.
+    pub open: Option<OpenBox>,
+    /// A box was opened in this frame: it gets the keys.
+    pub focus: bool,
+    /// Why what was typed is none.
+    refused: Option<String>,
+}
+
+/// What was typed into boxes, and where the list of keys lies.
+#[derive(Default)]
+pub struct BoxRequests {
+    /// Coordinates to go to, as typed: E, N and perhaps U, of the files.
+    pub go_to: Option<(f64, f64, Option<f64>)>,
+    /// What to open.
+    pub open: Option<OpenRequest>,
+    /// The rectangle of the list of keys, and whether all of it is in sight.
+    pub keys: Option<(egui::Rect, bool)>,
+}
+
+impl Boxes {
+    /// Whether a box waits for words.
+    pub fn is_typing(&self) -> bool {
+        self.go_to.is_some() || self.open.is_some()
     }
-    if let Some(open) = &mut panel.open_box {
-        let mut said = None;
-        let refused = panel.refused.as_deref();
-        boxed("Open").show(context, |ui| {
-            said = open.show(ui, (focus, is_more), refused, &mut requests.places);
-        });
-        match said.map(|instead| (inputs(&open.text), instead)) {
-            Some((Ok(inputs), instead)) => {
-                requests.open = Some(OpenRequest { inputs, instead });
-                panel.close();
-            }
-            Some((Err(why), _)) => (panel.refused, panel.focus) = (Some(why), true),
-            None => {}
-        }
+
+    /// Closes them.
+    pub fn close(&mut self) {
+        *self = Boxes::default();
     }
-    if panel.has_keys {
-        requests.keys = keys(context);
+
+    /// Lays out those that are open. `is_more`: something is open already; `places`: where what can be clicked lies.
+    pub fn show(
+        &mut self,
+        context: &egui::Context,
+        is_more: bool,
+        places: &mut Vec<(String, egui::Pos2)>,
+    ) -> BoxRequests {
+        let mut requests = BoxRequests::default();
+        let focus = std::mem::take(&mut self.focus);
+        if let Some(text) = &mut self.go_to {
+            let mut is_done = false;
+            boxed("Go to").show(context, |ui| {
+                let edit =
+                    ui.add(TextEdit::singleline(text).hint_text("E, N or E, N, U").desired_width(320.0));
+                if focus {
+                    edit.request_focus();
+                }
+                is_done = is_entered(&edit, ui);
+                if let Some(refused) = &self.refused {
+                    ui.label(RichText::new(refused).color(WARN).small());
+                }
+            });
+            match is_done.then(|| typed(text)) {
+                Some(Ok(place)) => {
+                    requests.go_to = Some(place);
+                    self.close();
+                }
+                Some(Err(why)) => (self.refused, self.focus) = (Some(why), true),
+                None => {}
+            }
+        }
+        if let Some(open) = &mut self.open {
+            let mut said = None;
+            let refused = self.refused.as_deref();
+            boxed("Open").show(context, |ui| said = open.show(ui, (focus, is_more), refused, places));
+            match said.map(|instead| (inputs(&open.text), instead)) {
+                Some((Ok(inputs), instead)) => {
+                    requests.open = Some(OpenRequest { inputs, instead });
+                    self.close();
+                }
+                Some((Err(why), _)) => (self.refused, self.focus) = (Some(why), true),
+                None => {}
+            }
+        }
+        if self.has_keys {
+            requests.keys = keys(context);
+        }
+        requests
     }
 }
 

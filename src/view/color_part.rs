@@ -1,10 +1,13 @@
 //! The part of the panel about colours: the mode, its ramp and range, its legend.
 
-use super::panel::{PanelContent, PanelRequests, WEAK, swatch, weak};
+use super::data::DataAbout;
 use super::settings::{Scale, Settings, modes};
+use super::widgets::{WEAK, swatch, weak};
 use crate::attribute::{ColorMode, ColorTable, Ramp, ReturnKind};
 use clap::ValueEnum;
-use egui::{Align, Align2, Button, ComboBox, DragValue, FontId, Layout, Mesh, Sense, Shape, Ui, pos2, vec2};
+use egui::{
+    Align, Align2, Button, ComboBox, DragValue, FontId, Layout, Mesh, Pos2, Sense, Shape, Ui, pos2, vec2,
+};
 
 const RETURNS: [ReturnKind; 5] =
     [ReturnKind::Single, ReturnKind::First, ReturnKind::Intermediate, ReturnKind::Last, ReturnKind::Unknown];
@@ -39,7 +42,7 @@ fn legend(ui: &mut Ui, table: &ColorTable, (low, high): (f64, f64), unit: &str) 
 }
 
 /// Chooses the ramp and the values at its ends.
-fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), requests: &mut PanelRequests) {
+fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), places: &mut Vec<(String, Pos2)>) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let name = scale.ramp.map_or("usual ramp".to_owned(), Ramp::name);
@@ -47,17 +50,17 @@ fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), requests: &mut Pan
             ui.selectable_value(&mut scale.ramp, None, "usual ramp");
             for ramp in Ramp::value_variants() {
                 let choice = ui.selectable_value(&mut scale.ramp, Some(*ramp), ramp.name());
-                requests.places.push((format!("ramp {}", ramp.name()), choice.rect.center()));
+                places.push((format!("ramp {}", ramp.name()), choice.rect.center()));
             }
         });
-        requests.places.push(("ramps".to_owned(), ramps.response.rect.center()));
+        places.push(("ramps".to_owned(), ramps.response.rect.center()));
         let (mut low, mut high) = shown;
         let step = ((high - low) / 200.0).max(1e-3);
         let digits = if high - low < 20.0 { 2 } else { 1 };
         let mut value = |ui: &mut Ui, value: &mut f64, name: &str| {
             let edit = DragValue::new(value).speed(step).max_decimals(digits);
             let edit = ui.add_sized(vec2(54.0, 18.0), edit).on_hover_text(format!("{name} end of the ramp"));
-            requests.places.push((format!("range {name}"), edit.rect.center()));
+            places.push((format!("range {name}"), edit.rect.center()));
             edit.changed()
         };
         let is_changed = value(ui, &mut low, "low") | value(ui, &mut high, "high");
@@ -68,7 +71,7 @@ fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), requests: &mut Pan
             let is_chosen = *scale != Scale::default();
             let reset =
                 ui.add_enabled(is_chosen, Button::new("↺").small()).on_hover_text("as chosen from the data");
-            requests.places.push(("reset ramp".to_owned(), reset.rect.center()));
+            places.push(("reset ramp".to_owned(), reset.rect.center()));
             if reset.clicked() {
                 *scale = Scale::default();
             }
@@ -76,12 +79,17 @@ fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), requests: &mut Pan
     });
 }
 
-/// The part.
-pub fn show(ui: &mut Ui, settings: &mut Settings, content: &PanelContent, requests: &mut PanelRequests) {
-    let unit = content.about.and_then(|about| about.unit.as_ref()).map_or("", |u| u.symbol());
+/// The part. `places`: where what can be clicked lies, by names.
+pub fn show(
+    ui: &mut Ui,
+    settings: &mut Settings,
+    (about, colors): (Option<&DataAbout>, Option<&ColorTable>),
+    places: &mut Vec<(String, Pos2)>,
+) {
+    let unit = about.and_then(|about| about.unit.as_ref()).map_or("", |u| u.symbol());
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
-        for mode in modes(content.about) {
+        for mode in modes(about) {
             let words = match mode {
                 ColorMode::Rgb => "RGB",
                 ColorMode::Height => "Height",
@@ -90,10 +98,10 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, content: &PanelContent, reques
                 ColorMode::Return => "Return",
             };
             let choice = ui.selectable_value(&mut settings.color, mode, words);
-            requests.places.push((format!("mode {}", mode.name()), choice.rect.center()));
+            places.push((format!("mode {}", mode.name()), choice.rect.center()));
         }
     });
-    let Some(table) = content.colors else { return };
+    let Some(table) = colors else { return };
     if let Some(constant) = &table.constant {
         ui.label(weak(constant));
         return;
@@ -102,7 +110,7 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, content: &PanelContent, reques
         (mode, Some(range)) => {
             legend(ui, table, range, if mode == ColorMode::Height { unit } else { "" });
             if let Some(scale) = settings.scale_mut() {
-                choices(ui, scale, range, requests);
+                choices(ui, scale, range, places);
             }
         }
         (ColorMode::Return, None) => {

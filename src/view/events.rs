@@ -14,8 +14,8 @@ impl Viewer {
         let is_tab = matches!(&event, WindowEvent::KeyboardInput { event, .. }
             if event.physical_key == PhysicalKey::Code(winit::keyboard::KeyCode::Tab));
         // The toolkit would walk through its widgets.
-        let repaint =
-            (!is_tab || self.panel.is_typing()) && self.toolkit.on_window_event(&self.window, &event).repaint;
+        let repaint = (!is_tab || self.panel.boxes.is_typing())
+            && self.toolkit.on_window_event(&self.window, &event).repaint;
         if repaint {
             self.window.request_redraw();
         }
@@ -102,7 +102,7 @@ impl Viewer {
 
     /// Whether keys are letters of a text.
     fn is_typing(&self) -> bool {
-        self.panel.is_typing() || self.context.egui_wants_keyboard_input()
+        self.panel.boxes.is_typing() || self.context.egui_wants_keyboard_input()
     }
 
     /// A place in the window, in pixels, from the image's corner.

@@ -1,11 +1,9 @@
-//! What became of files, in words: for the notice, the badges in the list, and the list that is copied.
+//! What became of files that were opened, in words.
 
-use super::data::FileAbout;
 use crate::load::{Fate, Fates};
 use crate::source::inputs::InputError;
 use crate::source::placement::Treatment;
 use crate::text::harmless;
-use std::fmt::Write as _;
 use std::path::Path;
 
 /// A file, or what was given in the place of one, that is not shown.
@@ -55,24 +53,8 @@ pub fn none_shown(fates: Fates, why: &str) -> Fates {
     fates.into_iter().map(|(path, fate)| (path, but(fate))).collect()
 }
 
-/// How a file is marked in the list, where anything is to be said of it.
-pub fn badge(file: &FileAbout) -> Option<&'static str> {
-    if file.is_gone {
-        return Some("gone");
-    }
-    if file.damage.is_some() {
-        return Some("damaged");
-    }
-    match file.treatment {
-        Treatment::Placed => None,
-        Treatment::Assumed { .. } | Treatment::Unmatched { .. } => Some("assumed"),
-        Treatment::Transformed { .. } => Some("transformed"),
-        Treatment::LeftOut { .. } => Some("left out"),
-    }
-}
-
 /// What was done with a file's coordinates.
-fn treatment(treatment: &Treatment) -> String {
+pub fn treatment(treatment: &Treatment) -> String {
     match treatment {
         Treatment::Placed => "placed as it is".to_owned(),
         Treatment::Assumed { world } => {
@@ -88,34 +70,6 @@ fn treatment(treatment: &Treatment) -> String {
         Treatment::Transformed { from, to, how } => format!("transformed from {from} into {to} ({how})"),
         Treatment::LeftOut { why } => why.clone(),
     }
-}
-
-/// What is to be known of a file, in words.
-pub fn words(file: &FileAbout) -> String {
-    let mut words = harmless(&treatment(&file.treatment));
-    if let Some(damage) = &file.damage {
-        let _ = write!(words, "; damaged: {damage}");
-    }
-    if file.is_gone {
-        words += "; it is not where it was";
-    }
-    if !file.shown {
-        words += "; hidden";
-    }
-    words
-}
-
-/// A line a file: path, state and words, with tabs between them, as tables take it.
-pub fn list<'a>(files: impl Iterator<Item = &'a FileAbout>, refused: &[Refused]) -> String {
-    let mut list = String::new();
-    for file in files.filter(|file| !file.is_removed) {
-        let path = harmless(&file.path.to_string_lossy());
-        let _ = writeln!(list, "{path}\t{}\t{}", badge(file).unwrap_or("placed"), words(file));
-    }
-    for Refused { name, badge, why } in refused {
-        let _ = writeln!(list, "{name}\t{badge}\t{why}");
-    }
-    list
 }
 
 /// What is said once of files that were opened; `None`: that they are there says enough. `world`: the system that is drawn.
@@ -207,6 +161,5 @@ mod tests {
         let refused = Refused::input(&InputError::Missing { path: "no/such".into() });
         assert_eq!((&*refused.name, refused.short_name()), ("no/such", "such"));
         assert_eq!((refused.badge, &*refused.why), ("failed", "no such file or folder"));
-        assert_eq!(list([].into_iter(), &[refused]), "no/such\tfailed\tno such file or folder\n");
     }
 }

@@ -1,10 +1,11 @@
 //! The list of files in the panel: what is shown, what was done with each, and what is to become of it.
 
 use super::data::FileAbout;
-use super::fates::{self, Refused};
-use super::panel::{ACCENT, LINE, PanelContent, PanelRequests, TEXT, WARN, WEAK, short, weak};
+use super::fates::Refused;
+use super::remarks;
+use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, short, weak};
 use crate::text::harmless;
-use egui::{Align, Button, Checkbox, Color32, Layout, Response, RichText, ScrollArea, Ui};
+use egui::{Align, Button, Checkbox, Color32, Layout, Pos2, Response, RichText, ScrollArea, Ui};
 
 /// Files in sight at a time.
 const ROWS: usize = 8;
@@ -23,6 +24,9 @@ pub enum FileRequest {
     /// The list goes to the clipboard.
     Copy,
 }
+
+/// What is asked for, and where what can be clicked lies, by names.
+type Asked<'a> = (&'a mut Option<FileRequest>, &'a mut Vec<(String, Pos2)>);
 
 /// A row of the list.
 enum Row<'a> {
@@ -47,63 +51,67 @@ fn name(ui: &mut Ui, name: &str, path: &str, words: &str, color: Color32, is_str
     });
 }
 
-fn file_row(ui: &mut Ui, index: usize, file: &FileAbout, requests: &mut PanelRequests) {
+fn file_row(ui: &mut Ui, index: usize, file: &FileAbout, (request, places): Asked) {
     let mut is_shown = file.shown;
     let check = ui.add(Checkbox::without_text(&mut is_shown));
     let place = |what: &str, response: &Response| (format!("{what} {index}"), response.rect.center());
-    requests.places.push(place("check", &check));
+    places.push(place("check", &check));
     if check.changed() {
-        requests.file = Some(FileRequest::Show(index, is_shown));
+        *request = Some(FileRequest::Show(index, is_shown));
     }
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
         ui.spacing_mut().item_spacing.x = 5.0;
         let remove = sign(ui, "✖", "remove from the list");
         let zoom = sign(ui, "🔍", "zoom to this file");
-        requests.places.extend([place("remove", &remove), place("zoom", &zoom)]);
+        places.extend([place("remove", &remove), place("zoom", &zoom)]);
         if remove.clicked() {
-            requests.file = Some(FileRequest::Remove(index));
+            *request = Some(FileRequest::Remove(index));
         }
         if zoom.clicked() {
-            requests.file = Some(FileRequest::ZoomTo(index));
+            *request = Some(FileRequest::ZoomTo(index));
         }
-        match fates::badge(file) {
+        match remarks::badge(file) {
             Some(badge) => ui.label(RichText::new(badge).small().color(badge_color(badge))),
             None => ui.label(weak(short(file.points))),
         };
-        let words = format!("{} points, {}", short(file.points), fates::words(file));
+        let words = format!("{} points, {}", short(file.points), remarks::words(file));
         let short_name = harmless(&file.path.file_name().unwrap_or_default().to_string_lossy());
         let color = if file.shown { TEXT } else { WEAK };
         name(ui, &short_name, &harmless(&file.path.to_string_lossy()), &words, color, file.is_gone);
     });
 }
 
-fn refused_row(ui: &mut Ui, index: usize, refused: &Refused, requests: &mut PanelRequests) {
+fn refused_row(ui: &mut Ui, index: usize, refused: &Refused, (request, places): Asked) {
     // As wide as a check.
     ui.add_space(22.0);
     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
         ui.spacing_mut().item_spacing.x = 5.0;
         let remove = sign(ui, "✖", "remove from the list");
-        requests.places.push((format!("dismiss {index}"), remove.rect.center()));
+        places.push((format!("dismiss {index}"), remove.rect.center()));
         if remove.clicked() {
-            requests.file = Some(FileRequest::Dismiss(index));
+            *request = Some(FileRequest::Dismiss(index));
         }
         ui.label(RichText::new(refused.badge).small().color(badge_color(refused.badge)));
         name(ui, refused.short_name(), &refused.name, &refused.why, WEAK, false);
     });
 }
 
-/// The list.
-pub fn show(ui: &mut Ui, content: &PanelContent, requests: &mut PanelRequests) {
-    let files = content.about.map_or(&[][..], |about| &about.files);
+/// The list; what is asked for in it.
+pub fn show(
+    ui: &mut Ui,
+    (files, refused): (&[FileAbout], &[Refused]),
+    places: &mut Vec<(String, Pos2)>,
+) -> Option<FileRequest> {
+    let request = &mut None;
     let listed = files.iter().enumerate().filter(|(_, file)| !file.is_removed);
-    let refused = content.refused.iter().enumerate();
+    let of_refused = refused.iter().enumerate();
     let rows: Vec<Row> = listed
         .map(|(index, file)| Row::File(index, file))
-        .chain(refused.map(|(index, refused)| Row::Refused(index, refused)))
+        .chain(of_refused.map(|(index, refused)| Row::Refused(index, refused)))
         .collect();
     if rows.is_empty() {
         ui.label(weak("Drop files or folders into the window"));
-        return;
+        return None;
     }
     // Thousands of files are no more to lay out than those in sight.
     let height = rows.len().min(ROWS) as f32 * (LINE + 5.0);
@@ -111,21 +119,22 @@ pub fn show(ui: &mut Ui, content: &PanelContent, requests: &mut PanelRequests) {
     area.show_rows(ui, LINE, rows.len(), |ui, in_sight| {
         for row in &rows[in_sight] {
             ui.horizontal(|ui| match row {
-                Row::File(index, file) => file_row(ui, *index, file, requests),
-                Row::Refused(index, refused) => refused_row(ui, *index, refused, requests),
+                Row::File(index, file) => file_row(ui, *index, file, (request, places)),
+                Row::Refused(index, refused) => refused_row(ui, *index, refused, (request, places)),
             });
         }
     });
     ui.horizontal(|ui| {
         let copy = ui.small_button("Copy list").on_hover_text("what was done with each file, as a table");
-        requests.places.push(("copy list".to_owned(), copy.rect.center()));
+        places.push(("copy list".to_owned(), copy.rect.center()));
         if copy.clicked() {
-            requests.file = Some(FileRequest::Copy);
+            *request = Some(FileRequest::Copy);
         }
-        let marked = files.iter().filter(|file| !file.is_removed && fates::badge(file).is_some()).count();
-        let said = marked + content.refused.len();
+        let marked = files.iter().filter(|file| !file.is_removed && remarks::badge(file).is_some()).count();
+        let said = marked + refused.len();
         if said > 0 {
             ui.label(weak(format!("{said} with a remark")).small());
         }
     });
+    request.take()
 }

@@ -3,9 +3,10 @@
 use super::data::DataStatus;
 use super::options::WindowOptions;
 use super::overlay::{self, ImageArea, ScalePlace};
-use super::panel::{self, PanelContent, PanelRequests};
+use super::panel::{PanelContent, PanelRequests};
 use super::settings::{SAMPLES, Settings};
 use super::viewer::Viewer;
+use super::widgets::short;
 use crate::render::camera::Camera;
 use egui::{Color32, FontId, Painter, Rect};
 use std::time::{Duration, Instant};
@@ -172,7 +173,7 @@ impl Viewer {
             }
             _ if !status.is_complete => "reading".to_owned(),
             _ if self.canvas.is_refining() => format!("refining {samples} of {SAMPLES}"),
-            _ => format!("{} points", panel::short(status.points_decoded)),
+            _ => format!("{} points", short(status.points_decoded)),
         }
     }
 }
@@ -181,7 +182,7 @@ impl Viewer {
 fn opening(painter: &Painter, rect: Rect, status: &DataStatus) {
     let words = match (status.points, status.points_decoded) {
         (0, _) => "Opening …".to_owned(),
-        (all, read) => format!("Reading {} of {} points", panel::short(read), panel::short(all)),
+        (all, read) => format!("Reading {} of {} points", short(read), short(all)),
     };
     let share = if status.points == 0 { 0.0 } else { status.points_decoded as f32 / status.points as f32 };
     let whole = Rect::from_center_size(rect.center(), egui::vec2(260.0, 54.0));

@@ -26,6 +26,7 @@ mod pace;
 mod panel;
 mod pipelines;
 mod redraw;
+mod remarks;
 mod save;
 mod saving;
 mod settings;
@@ -34,6 +35,7 @@ mod timing;
 mod toolkit;
 mod viewer;
 pub mod watch;
+mod widgets;
 
 pub use options::{OpenedView, ViewOptions, WindowOptions};
 pub use viewer::NoWindow;

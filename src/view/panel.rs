@@ -1,11 +1,12 @@
 //! The panel beside the image, the status bar below it, and the small boxes over it.
 
-use super::boxes::{self, OpenBox, OpenRequest};
+use super::boxes::{Boxes, OpenRequest};
 use super::color_part;
 use super::data::{DataAbout, DataStatus};
 use super::fates::Refused;
 use super::file_list::{self, FileRequest};
 use super::settings::{BRIDGE, Settings};
+use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, short, swatch, weak};
 use crate::attribute::{ClassMask, ColorTable, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
@@ -21,23 +22,12 @@ use std::collections::VecDeque;
 
 /// Width of the panel, points.
 const WIDTH: f32 = 296.0;
-/// Height of a line of a list.
-pub const LINE: f32 = 20.0;
 /// Frames that a plot shows.
 const PLOTTED: usize = 120;
 /// Classes that are listed even if the sample has none: they are hidden at first.
 const NOISE: [u8; 2] = [7, 18];
 const GROUND: Color32 = Color32::from_rgb(27, 29, 33);
 const WELL: Color32 = Color32::from_rgb(18, 19, 22);
-/// What is to be read.
-pub const TEXT: Color32 = Color32::from_rgb(218, 221, 226);
-/// What is said beside it.
-pub const WEAK: Color32 = Color32::from_rgb(142, 148, 158);
-/// What is on, or done.
-pub const ACCENT: Color32 = Color32::from_rgb(86, 156, 214);
-/// What is not as it should be.
-pub const WARN: Color32 = Color32::from_rgb(230, 170, 80);
-
 /// The last values of something, for a plot.
 #[derive(Default)]
 pub struct History {
@@ -104,16 +94,8 @@ pub struct PanelRequests {
 pub struct Panel {
     /// The panel is there.
     pub is_open: bool,
-    /// The list of keys is.
-    pub has_keys: bool,
-    /// What is typed into the box for coordinates.
-    pub go_to: Option<String>,
-    /// The box that asks what to open.
-    pub open_box: Option<OpenBox>,
-    /// A box was opened in this frame: it gets the keys.
-    pub focus: bool,
-    /// Why what was typed is none.
-    pub refused: Option<String>,
+    /// The small boxes over the image.
+    pub boxes: Boxes,
 }
 
 /// Looks: dark, quiet, one accent.
@@ -149,30 +131,10 @@ pub fn style(context: &egui::Context) {
     });
 }
 
-/// A number in few letters: 812, 45.1 k, 12.3 M, 3.21 G.
-pub fn short(n: u64) -> String {
-    let scaled = |unit: f64, name: &str| {
-        let value = n as f64 / unit;
-        let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
-        format!("{value:.digits$} {name}")
-    };
-    match n {
-        0..10_000 => n.to_string(),
-        10_000..1_000_000 => scaled(1e3, "k"),
-        1_000_000..1_000_000_000 => scaled(1e6, "M"),
-        _ => scaled(1e9, "G"),
-    }
-}
-
 /// Bytes in few letters.
 pub fn bytes(n: u64) -> String {
     let mib = n as f64 / f64::from(1 << 20);
     if mib >= 1000.0 { format!("{:.2} GiB", mib / 1024.0) } else { format!("{mib:.0} MiB") }
-}
-
-/// Words that are said beside others.
-pub fn weak(words: impl Into<String>) -> RichText {
-    RichText::new(words).color(WEAK)
 }
 
 /// A part of the panel.
@@ -199,12 +161,6 @@ fn bar(ui: &mut Ui, name: &str, [part, whole]: [u64; 2], words: String) {
     let fill = rect.with_max_x(rect.left() + rect.width() * share);
     ui.painter().rect_filled(fill, 2.0, if share > 0.95 && name.ends_with("memory") { WARN } else { ACCENT });
     ui.add_space(2.0);
-}
-
-/// A colour.
-pub fn swatch(ui: &mut Ui, [r, g, b]: [u8; 3]) {
-    let (rect, _) = ui.allocate_exact_size(vec2(12.0, 12.0), Sense::hover());
-    ui.painter().rect_filled(rect, 2.0, Color32::from_rgb(r, g, b));
 }
 
 /// The last values as a line under its name and number.
@@ -245,21 +201,11 @@ pub fn coordinates(point: &PickedPoint, about: &DataAbout) -> String {
 
 impl Default for Panel {
     fn default() -> Panel {
-        Panel { is_open: true, has_keys: false, go_to: None, open_box: None, focus: false, refused: None }
+        Panel { is_open: true, boxes: Boxes::default() }
     }
 }
 
 impl Panel {
-    /// Whether a box waits for words.
-    pub fn is_typing(&self) -> bool {
-        self.go_to.is_some() || self.open_box.is_some()
-    }
-
-    /// Closes the boxes.
-    pub fn close(&mut self) {
-        (self.go_to, self.open_box, self.has_keys, self.refused) = (None, None, false, None);
-    }
-
     /// Lays out everything but the image, which gets what is left of `ui`.
     pub fn show(&mut self, ui: &mut Ui, settings: &mut Settings, content: &PanelContent) -> PanelRequests {
         let mut requests = PanelRequests::default();
@@ -280,7 +226,8 @@ impl Panel {
                 });
             });
         }
-        boxes::show(self, ui.ctx(), !content.is_empty, &mut requests);
+        let asked = self.boxes.show(ui.ctx(), !content.is_empty, &mut requests.places);
+        (requests.go_to, requests.open, requests.keys) = (asked.go_to, asked.open, asked.keys);
         requests
     }
 
@@ -318,7 +265,9 @@ impl Panel {
         content: &PanelContent,
         requests: &mut PanelRequests,
     ) {
-        part(ui, "Colour", true, |ui| color_part::show(ui, settings, content, requests));
+        part(ui, "Colour", true, |ui| {
+            color_part::show(ui, settings, (content.about, content.colors), &mut requests.places);
+        });
         part(ui, "Classes", true, |ui| classes(ui, &mut settings.visibility, content));
         part(ui, "Picture", true, |ui| {
             ui.horizontal(|ui| {
@@ -344,7 +293,10 @@ impl Panel {
             }
             ui.checkbox(&mut settings.visibility.withheld, "Withheld points");
         });
-        part(ui, "Files", true, |ui| file_list::show(ui, content, requests));
+        part(ui, "Files", true, |ui| {
+            let files = content.about.map_or(&[][..], |about| &about.files);
+            requests.file = file_list::show(ui, (files, content.refused), &mut requests.places);
+        });
         part(ui, "Data", true, |ui| data(ui, content));
         part(ui, "Times", false, |ui| {
             plot(ui, "frame", &content.times.frame);
@@ -433,10 +385,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_are_short() {
-        let numbers = [0, 999, 9_999, 12_345, 812_000, 1_234_567, 45_600_000, 3_210_000_000];
-        let words = ["0", "999", "9999", "12.3 k", "812 k", "1.23 M", "45.6 M", "3.21 G"];
-        assert_eq!(numbers.map(short), words);
+    fn bytes_are_short() {
         assert_eq!(bytes(3 << 19), "2 MiB");
         assert_eq!(bytes(1 << 30), "1.00 GiB");
     }
