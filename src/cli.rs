@@ -51,9 +51,9 @@ impl Cli {
             let command = command.find_subcommand(name).expect("a command of ours");
             saved::typed_with_view(command, &typed, file, is_window)
         };
-        let words = match &cli.command {
+        let (words, file) = match &cli.command {
             Command::Render(args) => match args.saved_view() {
-                Some(file) => with_view("render", words, file, false)?,
+                Some(file) => (with_view("render", words, file, false)?, file),
                 None => return Ok(cli),
             },
             #[cfg(feature = "view")]
@@ -62,19 +62,21 @@ impl Cli {
                 Some((file, true)) => {
                     let is_file = |word: &OsString| word == file.as_os_str();
                     let at = words.iter().rposition(is_file).expect("it was typed");
-                    let mut typed = words.clone();
+                    let mut typed = words;
+                    typed.remove(at);
                     let mut saved = OsString::from("--saved=");
                     saved.push(file);
-                    typed[at] = saved;
-                    with_view("view", typed, file, true)?
+                    // Behind the command's name.
+                    typed.insert(2, saved);
+                    (with_view("view", typed, file, true)?, file)
                 }
                 // The path is flown.
-                Some((file, false)) => with_view("view", words, file, true)?,
+                Some((file, false)) => (with_view("view", words, file, true)?, file),
                 None => return Ok(cli),
             },
             _ => return Ok(cli),
         };
-        Ok(Cli::parse_from(words))
+        Cli::try_parse_from(words).map_err(|error| saved::wrong_option(file, &error))
     }
 }
 

@@ -831,6 +831,33 @@ fn a_saved_view_opens_from_elsewhere_as_it_was() {
 }
 
 #[test]
+fn a_view_written_by_hand_is_drawn_or_its_fault_is_named() {
+    common::run("a_view_written_by_hand_is_drawn_or_its_fault_is_named", LAVAPIPE, |_| {
+        let (folder, _) = town();
+        let camera = r#""version": 1, "projection": {"units_per_pixel": 4.0},
+            "keyframes": [{"time": 0, "eye": [512000, 5403000, 900], "target": [512000, 5403000, 200]}]"#;
+        let draw = |options: &str| {
+            let view = format!(r#"{{{camera}, "view": {{"inputs": ["a town.las"], "options": {options}}}}}"#);
+            fs::write(folder.path().join("view.json"), view).unwrap();
+            run(folder.path(), &["render", "--path", "view.json", "-o", "view.png", "--quiet"])
+        };
+        let (code, said) =
+            draw(r#"{"size": "60x40", "classes": "6", "color": "class", "z-scale": 2, "withheld": true}"#);
+        assert_eq!((code, &*said), (Some(0), ""));
+        assert_eq!(rgb(&folder.path().join("view.png")).len(), 60 * 40 * 3);
+        for (options, place, reason) in [
+            (r#"{"output": "x.png"}"#, "view.json: line ", "`output` is none of a view's"),
+            (r#"{"color": "pink"}"#, "view.json: ", "invalid value 'pink' for '--color"),
+            (r#"{"classes": 300}"#, "view.json: ", "class 300 is out of range"),
+        ] {
+            let (code, said) = draw(options);
+            assert_eq!(code, Some(2), "{said}");
+            assert!(said.starts_with(&format!("lasray: {place}")) && said.contains(reason), "{said}");
+        }
+    });
+}
+
+#[test]
 fn parallel_views_are_true_to_scale() {
     common::run("parallel_views_are_true_to_scale", LAVAPIPE, |_| {
         let Some(display) = Display::open("parallel_views_are_true_to_scale") else { return };

@@ -40,6 +40,13 @@ pub fn is_view_name(word: &OsStr) -> bool {
     Path::new(word).extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }
 
+/// What is wrong with an option that a view has, as the command line says it.
+pub fn wrong_option(file: &Path, error: &clap::Error) -> UsageError {
+    let text = error.to_string();
+    let line = text.lines().next().unwrap_or_default();
+    UsageError(format!("{}: {}", file.display(), line.trim_start_matches("error: ")))
+}
+
 /// Whether the option `name` of `command` stands in `typed`, under any of its names.
 fn is_typed(command: &clap::Command, typed: &[OsString], name: &str) -> bool {
     // One of them says what both do.
@@ -78,13 +85,16 @@ pub fn typed_with_view(
     let is_other = |name: &str| is_window && name == "size";
     let is_wanted = |name: &str| !is_other(name) && !is_typed(command, typed, name);
     let SavedWords { inputs, hidden, options } = SavedWords::of(file, view, is_wanted);
-    let mut words = [typed, &options[..]].concat();
+    // Behind "--" there are no options.
+    let end = typed.iter().position(|word| word == "--").unwrap_or(typed.len());
+    let mut words = [&typed[..end], &options[..], &typed[end..]].concat();
     if is_window {
-        words.extend(hidden.iter().map(|path| {
+        let hidden_options = hidden.iter().map(|path| {
             let mut word = OsString::from("--hidden=");
             word.push(path);
             word
-        }));
+        });
+        words.splice(end..end, hidden_options);
         words.extend(hidden);
     }
     words.extend(inputs);
@@ -115,7 +125,8 @@ mod tests {
             texts.collect::<Vec<_>>().join(" ")
         };
         assert_eq!(words(&["render"], false), "--color=class --hide=3-5 --size=10x10 ./a.las");
-        assert_eq!(words(&["view"], true), "--color=class --hide=3-5 --hidden=./b.las ./b.las ./a.las");
+        assert_eq!(words(&["view"], true), "--hidden=./b.las --color=class --hide=3-5 ./b.las ./a.las");
+        assert_eq!(words(&["view", "--"], true).split(' ').next_back(), Some("./a.las"));
         assert_eq!(words(&["render", "--colour=rgb", "--classes", "2"], false), "--size=10x10 ./a.las");
         std::fs::write(&file, format!("{{{camera}}}")).unwrap();
         let error = typed_with_view(&command, &[], &file, false).unwrap_err().to_string();

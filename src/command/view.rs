@@ -192,11 +192,8 @@ fn read_view(file: &Path) -> Result<view::OpenedView, String> {
     let camera = CameraPath::read(file).map_err(|error| error.to_string())?;
     let Some(saved) = camera.saved_view() else { return Ok(view::OpenedView::Camera(camera)) };
     let SavedWords { inputs, hidden, options } = SavedWords::of(file, saved, |name| name != "size");
-    let typed = Typed::try_parse_from(&options).map_err(|error| {
-        let text = error.to_string();
-        let line = text.lines().next().unwrap_or_default();
-        format!("{}: {}", file.display(), line.trim_start_matches("error: "))
-    })?;
+    let typed =
+        Typed::try_parse_from(&options).map_err(|error| saved::wrong_option(file, &error).to_string())?;
     let hidden_paths = hidden.iter().map(PathBuf::from).collect();
     let args = Args { inputs: [inputs, hidden].concat(), hidden: hidden_paths, ..typed.args };
     let view = args.view().map_err(|error| error.to_string())?;
