@@ -209,7 +209,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let mut protected = Protected::default();
     if let Some(to) = &args.json {
         protected = Protected::of(&inputs::expand(&args.inputs));
-        args.path.iter().for_each(|path| protected.add(path));
+        args.path.iter().chain(&args.saved).for_each(|path| protected.add(path));
         check_targets(&protected, [], [("--json", to)])?;
         if args.log_events && *to == Target::Stdout {
             return Err(usage(&"--json -: --log-events takes standard output").into());
