@@ -58,7 +58,7 @@ fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), places: &mut Vec<(
         let step = ((high - low) / 200.0).max(1e-3);
         let digits = if high - low < 20.0 { 2 } else { 1 };
         let mut value = |ui: &mut Ui, value: &mut f64, name: &str| {
-            let edit = DragValue::new(value).speed(step).max_decimals(digits);
+            let edit = DragValue::new(value).speed(step).max_decimals(digits).update_while_editing(false);
             let edit = ui.add_sized(vec2(54.0, 18.0), edit).on_hover_text(format!("{name} end of the ramp"));
             places.push((format!("range {name}"), edit.rect.center()));
             edit.changed()
