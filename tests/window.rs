@@ -595,6 +595,17 @@ fn an_empty_window_says_what_to_do_and_opens_a_folder() {
         while window.wait("settled")[6] == "0" {}
         let title = window.xdotool(&["getwindowname", &window.id]);
         assert_eq!(title, "tiles – lasray");
+
+        // In the place of what is open.
+        let tile = fs::read_dir(folder.path().join("tiles")).unwrap().next().unwrap().unwrap().file_name();
+        let tile = tile.to_str().unwrap();
+        window.key("ctrl+o");
+        window.wait("open box");
+        window.xdotool(&["type", "--delay", "15", &format!("tiles/{tile}")]);
+        window.xdotool(&["key", "ctrl+Return"]);
+        window.wait("opened 1 inputs");
+        while window.wait("settled")[6] == "0" {}
+        assert_eq!(window.xdotool(&["getwindowname", &window.id]), format!("{tile} – lasray"));
         assert_eq!(window.end(), Some(0));
     });
 }

@@ -137,8 +137,14 @@ impl OpenBox {
             edit.request_focus();
             self.to_end(ui, id);
         }
-        let is_entered = edit.lost_focus() && ui.input(|input| input.key_pressed(Key::Enter));
-        let mut done = is_entered.then(|| ui.input(|input| input.modifiers.command));
+        let is_pressed = ui.input(|input| input.key_pressed(Key::Enter));
+        let is_control = ui.input(|input| input.modifiers.command);
+        // The field itself ends by the plain key alone.
+        let mut done = match is_pressed {
+            true if edit.lost_focus() => Some(false),
+            true if edit.has_focus() && is_control => Some(true),
+            _ => None,
+        };
         if let Some(refused) = refused {
             ui.label(RichText::new(refused).color(WARN).small());
         }
