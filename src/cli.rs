@@ -1,10 +1,11 @@
 //! The command line.
 
-use crate::command;
+use crate::command::{self, UsageError, saved};
 use crate::source::length::Length;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
+use std::path::Path;
 
 /// Opens raw airborne LiDAR (LAS, LAZ, COPC) and ray-traces it on any Vulkan GPU
 #[derive(Debug, Parser)]
@@ -18,6 +19,7 @@ pub struct Cli {
 const EXAMPLES: &str = "\
 Examples:
   lasray tiles/                                       the whole folder in a window
+  lasray                                              a window that files can be dropped into
   lasray render tiles/                                tiles.png: all of it, framed, in its own colours
   lasray render tiles/ map.png --ortho 25cm           a map from above, with world file
   lasray render a.laz --orbit 45,20 --hide vegetation -o bare.jpg
@@ -28,7 +30,7 @@ Examples:
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Open a window and look around (also without the word: lasray INPUT)
+    /// Open a window and look around (also without the word: lasray, lasray INPUT)
     #[cfg(feature = "view")]
     View(Box<command::view::Args>),
     /// Draw a picture: PNG for people, EXR with distances, heights and classes for programs
@@ -41,18 +43,57 @@ pub enum Command {
     Synth(command::synth::Args),
 }
 
-/// The words of the command line, with `view` where inputs stand in the place of a command, and the number behind
-/// `--ortho`, which may be without, joined to it: it takes no input for one.
+impl Cli {
+    /// Parses the command line, with what the saved view says that it opens. Ends the process with code 2 where the words
+    /// are wrong, with 0 where help was asked for.
+    pub fn of(words: Vec<OsString>) -> Result<Cli, UsageError> {
+        let cli = parse(&words).unwrap_or_else(|error| error.exit());
+        let command = Cli::command();
+        let with_view = |name: &str, typed: Vec<OsString>, file: &Path, is_window: bool| {
+            let command = command.find_subcommand(name).expect("a command of ours");
+            saved::typed_with_view(command, &typed, file, is_window)
+        };
+        let (words, file) = match &cli.command {
+            Command::Render(args) => match args.saved_view() {
+                Some(file) => (with_view("render", words, file, false)?, file),
+                None => return Ok(cli),
+            },
+            #[cfg(feature = "view")]
+            Command::View(args) => match args.saved_view() {
+                // The camera is looked through.
+                Some((file, true)) => {
+                    let is_file = |word: &OsString| word == file.as_os_str();
+                    let at = words.iter().rposition(is_file).expect("it was typed");
+                    let mut typed = words;
+                    typed.remove(at);
+                    let mut saved = OsString::from("--saved=");
+                    saved.push(file);
+                    // Behind the command's name.
+                    typed.insert(2, saved);
+                    (with_view("view", typed, file, true)?, file)
+                }
+                // The path is flown.
+                Some((file, false)) => (with_view("view", words, file, true)?, file),
+                None => return Ok(cli),
+            },
+            _ => return Ok(cli),
+        };
+        Cli::try_parse_from(words).map_err(|error| saved::wrong_option(file, &error))
+    }
+}
+
+/// The words of the command line, with `view` where inputs stand in the place of a command, or nothing does, and the number
+/// behind `--ortho`, which may be without, joined to it: it takes no input for one.
 pub fn words(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut words: Vec<_> = given.into_iter().collect();
     let is_input = words.get(1).is_some_and(|word| {
         let text = word.to_string_lossy();
         // A command that is misspelt is no file.
-        let is_path = text.contains(['/', '\\', '.', '*', '?']) || std::path::Path::new(word).exists();
+        let is_path = text.contains(['/', '\\', '.', '*', '?']) || Path::new(word).exists();
         let is_free = is_path || text.starts_with('@') || !is_nearly_a_command(&text);
         !text.starts_with('-') && is_free && !is_command(&text)
     });
-    if is_input && cfg!(feature = "view") {
+    if (is_input || words.len() == 1) && cfg!(feature = "view") {
         words.insert(1, "view".into());
     }
     let end = words.iter().position(|word| word == "--").unwrap_or(words.len());
@@ -68,8 +109,8 @@ pub fn words(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
 }
 
 /// Reads the command line. Tips name what is spelt nearly so, and nothing else.
-pub fn parse(given: impl IntoIterator<Item = OsString>) -> Result<Cli, clap::Error> {
-    Cli::try_parse_from(words(given)).map_err(|mut error| {
+pub fn parse(words: &[OsString]) -> Result<Cli, clap::Error> {
+    Cli::try_parse_from(words).map_err(|mut error| {
         let kinds = [
             (ContextKind::InvalidArg, ContextKind::SuggestedArg),
             (ContextKind::InvalidSubcommand, ContextKind::SuggestedSubcommand),
@@ -121,7 +162,7 @@ fn is_near(word: &str, known: &str) -> bool {
 }
 
 fn is_nearly_a_command(word: &str) -> bool {
-    let commands = <Cli as clap::CommandFactory>::command();
+    let commands = Cli::command();
     commands
         .get_subcommands()
         .map(|command| command.get_name())
@@ -149,7 +190,7 @@ mod tests {
         for word in ["render", "rendre", "ifno", "bnech", "rend", "--help", "-V", "help", "view", "info"] {
             assert_eq!(second(word), None, "{word}");
         }
-        assert_eq!(words([OsString::from("lasray")]).len(), 1);
+        assert_eq!(words([OsString::from("lasray")]), ["lasray", "view"]);
     }
 
     #[test]
@@ -176,7 +217,7 @@ mod tests {
     #[test]
     fn tips_are_near() {
         let said = |line: &str| {
-            let error = parse(line.split(' ').map(OsString::from)).unwrap_err();
+            let error = parse(&words(line.split(' ').map(OsString::from))).unwrap_err();
             error.render().to_string()
         };
         for (line, tip) in [

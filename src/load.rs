@@ -16,7 +16,7 @@ use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::{Cache, Counts};
 use crate::source::length::{Length, NoUnit};
-use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions};
+use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions, Treatment};
 use crate::source::{LayerMemory, LidarFile, crs::Crs, crs::Unit};
 use crate::synth;
 use crate::text::tidy;
@@ -120,6 +120,10 @@ pub struct Loaded {
 /// Thickness of the slab below lit images, in lengths of what is framed.
 const SLAB: f64 = 0.01;
 
+fn slab(hull: &Hull) -> f64 {
+    SLAB * hull.bounds().size().truncate().max_element()
+}
+
 /// Largest absolute cell index: beyond it, f64 no longer tells neighbours apart.
 const REACH_CELLS: f64 = 9e15;
 /// Widest extent in cells: far enough from the limit that strays near the data have cells too.
@@ -215,6 +219,20 @@ pub fn read(opening: Opening, options: &LoadOptions, problems: &mut Problems) ->
     finish(bins, about, progress.points.into_inner(), options, problems)
 }
 
+/// What became of a file that was to be opened.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fate {
+    /// It is shown.
+    Shown(Treatment),
+    /// It has no place among the others, and why.
+    LeftOut(String),
+    /// It cannot be read, or holds nothing that could be shown, and why.
+    Failed(String),
+}
+
+/// What became of each file, by its path as it was given.
+pub type Fates = Vec<(PathBuf, Fate)>;
+
 /// Files that are open, and all that is decided before they are read.
 pub struct Opening {
     /// The files that are drawn.
@@ -229,13 +247,17 @@ pub struct Opening {
 
 /// Opens `paths` and takes the opening sample.
 pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Opening, LoadError> {
-    let mut opened = Vec::new();
-    for result in sample::open_all(paths) {
-        match result {
-            Ok(file) => opened.push(file),
-            Err(error) => problems.error(error),
-        }
-    }
+    open_and_tell(paths, options, problems, &mut Fates::new())
+}
+
+/// The same; adds to `fates` what becomes of each file, even when this fails: then of those that it fails by.
+pub fn open_and_tell(
+    paths: &[PathBuf],
+    options: &LoadOptions,
+    problems: &mut Problems,
+    fates: &mut Fates,
+) -> Result<Opening, LoadError> {
+    let mut opened = open_files(paths, problems, fates);
     for Opened { file, crs_errors, .. } in &opened {
         let path = file.path().display();
         file.warnings.iter().for_each(|warning| problems.warn(format!("{path}: {warning}")));
@@ -256,32 +278,9 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
     };
     let mut sample =
         sample::take(&opened, &options.placement, &options.asked, &sample::SampleBudget::default());
-    for note in &sample.world.notes {
-        let line = match note.file() {
-            Some(file) => format!("{}: {note}", opened[file].file.path().display()),
-            None => format!("{subject}{note}"),
-        };
-        match note {
-            PlacementNote::LeftOut { .. } => problems.error(line),
-            PlacementNote::NotDegrees { .. }
-            | PlacementNote::NotGeocentric { .. }
-            | PlacementNote::VerticalSystems(_)
-            | PlacementNote::NoFit(_) => problems.warn(line),
-            _ => problems.note(line),
-        }
-    }
-    for note in &sample.notes {
-        let words = note.words(sample.world.unit.as_ref());
-        let line = match note.file() {
-            Some(file) => format!("{}: {words}", opened[file].file.path().display()),
-            None => format!("{subject}{words}"),
-        };
-        match note.is_warning() {
-            true => problems.warn(line),
-            false => problems.note(line),
-        }
-    }
+    say_notes(&sample, &opened, &subject, problems);
     let Some(bounds) = sample.bounds else {
+        none_shown(&opened, &sample.world.treatments, fates);
         let mut errors: Vec<_> = sample.problems.iter().map(|(_, error)| error.to_string()).collect();
         errors.dedup();
         errors.iter().for_each(|error| problems.error(error));
@@ -311,6 +310,14 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
 
     let mut inputs = Vec::new();
     for (index, opened) in opened.into_iter().enumerate() {
+        let fate = match sample.world.treatments[index].clone() {
+            Treatment::LeftOut { why } => Fate::LeftOut(why),
+            _ if too_high[index] => {
+                Fate::LeftOut("its heights are too far from 0 for these cells".to_owned())
+            }
+            treatment => Fate::Shown(treatment),
+        };
+        fates.push((opened.file.path().to_owned(), fate));
         if let Some(placement) = sample.world.placements[index].clone().filter(|_| !too_high[index]) {
             let rgb = match (sample.files[index].rgb, options.rgb_bits) {
                 (_, Some(8)) => RgbDepth::Eight,
@@ -337,10 +344,12 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         }
     }
     let color = ColorMode::auto(&sample.attributes);
+    let hull = sample.hull.map_or_else(|| Hull::from(&bounds), |hull| hull.snapped(grid.height_step));
     let about = About {
         subject,
         bounds,
-        hull: sample.hull.map_or_else(|| Hull::from(&bounds), |hull| hull.snapped(grid.height_step)),
+        slab: slab(&hull),
+        hull,
         low: Arc::new(sample.low),
         summary: sample.attributes,
         kinds: sample.kinds,
@@ -352,6 +361,65 @@ pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -
         cell,
     };
     Ok(Opening { inputs, grid, core: core(cell, &bounds), about })
+}
+
+/// The files of `paths` that can be opened; of the others it is said why not.
+fn open_files(paths: &[PathBuf], problems: &mut Problems, fates: &mut Fates) -> Vec<Opened> {
+    let mut opened = Vec::new();
+    for (path, result) in paths.iter().zip(sample::open_all(paths)) {
+        match result {
+            Ok(file) => opened.push(file),
+            Err(error) => {
+                let words = error.to_string();
+                let reason = words.strip_prefix(&format!("{}: ", path.display())).unwrap_or(&words);
+                fates.push((path.clone(), Fate::Failed(reason.to_owned())));
+                problems.error(error);
+            }
+        }
+    }
+    opened
+}
+
+/// What is not obvious about where files lie, and what is framed of them; `subject`: what stands before what is said of the
+/// whole.
+fn say_notes(sample: &sample::Sample, opened: &[Opened], subject: &str, problems: &mut Problems) {
+    for note in &sample.world.notes {
+        let line = match note.file() {
+            Some(file) => format!("{}: {note}", opened[file].file.path().display()),
+            None => format!("{subject}{note}"),
+        };
+        match note {
+            PlacementNote::LeftOut { .. } => problems.error(line),
+            PlacementNote::NotDegrees { .. }
+            | PlacementNote::NotGeocentric { .. }
+            | PlacementNote::VerticalSystems(_)
+            | PlacementNote::NoFit(_) => problems.warn(line),
+            _ => problems.note(line),
+        }
+    }
+    for note in &sample.notes {
+        let words = note.words(sample.world.unit.as_ref());
+        let line = match note.file() {
+            Some(file) => format!("{}: {words}", opened[file].file.path().display()),
+            None => format!("{subject}{words}"),
+        };
+        match note.is_warning() {
+            true => problems.warn(line),
+            false => problems.note(line),
+        }
+    }
+}
+
+/// What becomes of files none of which has a point that could be shown.
+fn none_shown(opened: &[Opened], treatments: &[Treatment], fates: &mut Fates) {
+    for (opened, treatment) in opened.iter().zip(treatments) {
+        let fate = match treatment {
+            Treatment::LeftOut { why } => Fate::LeftOut(why.clone()),
+            _ if opened.file.points() == 0 => Fate::Failed("it holds no points".to_owned()),
+            _ => Fate::Failed("no point of it lies where it could be shown".to_owned()),
+        };
+        fates.push((opened.file.path().to_owned(), fate));
+    }
 }
 
 /// Which files are left out since no step holds their heights, which is said, and the box of the others; `bounds`, of all,
@@ -491,10 +559,12 @@ pub fn tiles_of(
         Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
     let points = progress.points.into_inner();
     let unit = Some(metre);
+    let hull = Hull::of(&places).map_or_else(|| Hull::from(&bounds), |hull| hull.stretched(&bounds));
     let about = About {
         subject: String::new(),
         bounds,
-        hull: Hull::of(&places).map_or_else(|| Hull::from(&bounds), |hull| hull.stretched(&bounds)),
+        slab: slab(&hull),
+        hull,
         low: Arc::new(LowSurface::of(&bounds, &places)),
         kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),
         summary,
@@ -519,6 +589,8 @@ pub struct About {
     pub hull: Hull,
     /// The ground below them, roughly: where lit images end.
     pub low: Arc<LowSurface>,
+    /// Thickness of what they end in, but for a cell.
+    slab: f64,
     /// What colours are chosen by: of the points that were asked for.
     pub summary: AttributeSummary,
     /// Kinds of points that the sample has seen, hidden ones included.
@@ -550,8 +622,7 @@ impl About {
 
     /// What lit images of cells of `cell` end in.
     pub fn slab(&self, cell: f64) -> Slab {
-        let thickness = SLAB * self.hull.bounds().size().truncate().max_element() + cell;
-        Slab { low: Arc::clone(&self.low), thickness }
+        Slab { low: Arc::clone(&self.low), thickness: self.slab + cell }
     }
 
     /// U below which lit images show nothing.

@@ -1,6 +1,8 @@
 //! `lasray`: parse, run, exit code.
 
-use lasray::cli::{self, Command};
+#[cfg(feature = "view")]
+use clap::CommandFactory;
+use lasray::cli::{self, Cli, Command};
 use lasray::command::{self, Outcome, UsageError};
 use lasray::problems::Problems;
 use lasray::text::harmless_lines;
@@ -14,7 +16,13 @@ const USAGE: u8 = 2;
 
 fn main() -> ExitCode {
     // Ends the process where the words are wrong, with code 2, or where help was asked for, with 0.
-    let cli = cli::parse(std::env::args_os()).unwrap_or_else(|error| error.exit());
+    let cli = match Cli::of(cli::words(std::env::args_os())) {
+        Ok(cli) => cli,
+        Err(error) => {
+            eprintln!("lasray: {}", harmless_lines(&error.to_string()));
+            return ExitCode::from(USAGE);
+        }
+    };
     let filter = EnvFilter::try_from_env("LASRAY_LOG").unwrap_or_else(|_| EnvFilter::new("error"));
     tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).without_time().init();
     let problems = &mut Problems::default();
@@ -36,6 +44,12 @@ fn main() -> ExitCode {
     let (code, is_error) = match result {
         Ok(Outcome::Done) => (0, false),
         Ok(Outcome::Incomplete) => (FAILED, true),
+        #[cfg(feature = "view")]
+        Err(error) if std::env::args_os().len() < 2 && error.is::<lasray::view::NoWindow>() => {
+            // Where no window can be opened, the name alone asks how to go on.
+            eprint!("{}", Cli::command().render_help());
+            (USAGE, true)
+        }
         Err(error) => {
             // Messages hold their causes already.
             eprintln!("lasray: {}", harmless_lines(&error.to_string()));

@@ -4,7 +4,8 @@
 mod common;
 
 use common::LAVAPIPE;
-use std::collections::BTreeSet;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -59,13 +60,19 @@ struct Window<'a> {
     program: Child,
     id: String,
     lines: Receiver<String>,
+    /// Where the parts of the panel are that can be clicked, by their names.
+    places: RefCell<BTreeMap<String, [String; 2]>>,
     said: Option<JoinHandle<String>>,
 }
 
 impl<'a> Window<'a> {
     fn open(display: &'a Display, folder: &Path, arguments: &[&str]) -> Window<'a> {
+        Window::with(display, folder, &[&["view", "--validate", "--log-events"], arguments].concat())
+    }
+
+    /// By these words alone.
+    fn with(display: &'a Display, folder: &Path, arguments: &[&str]) -> Window<'a> {
         let mut program = Command::new(env!("CARGO_BIN_EXE_lasray"))
-            .args(["view", "--validate", "--log-events"])
             .args(arguments)
             .current_dir(folder)
             .env("DISPLAY", &display.name)
@@ -90,7 +97,37 @@ impl<'a> Window<'a> {
             let _ = errors.read_to_string(&mut text);
             text
         });
-        Window { display, program, id: String::new(), lines, said: Some(said) }
+        let places = RefCell::default();
+        Window { display, program, id: String::new(), lines, places, said: Some(said) }
+    }
+
+    /// Takes in what a line tells of where things are.
+    fn note(&self, line: &str) {
+        if let [name @ .., x, y] = &line.split(' ').collect::<Vec<_>>()[..]
+            && [x, y].iter().all(|v| v.parse::<i32>().is_ok())
+        {
+            self.places.borrow_mut().insert(name.join(" "), [x.to_string(), y.to_string()]);
+        }
+    }
+
+    /// Clicks on a part of the panel.
+    fn click(&self, name: &str) {
+        self.skip();
+        let [x, y] = self.places.borrow().get(name).unwrap_or_else(|| panic!("no {name}")).clone();
+        self.xdotool(&["mousemove", &x, &y, "click", "1"]);
+    }
+
+    /// Types words into the box that is open.
+    fn enter(&self, words: &str) {
+        self.xdotool(&["type", "--delay", "15", words]);
+        self.xdotool(&["key", "Return"]);
+    }
+
+    /// Opens by the box that asks for it.
+    fn ask_for(&self, words: &str) {
+        self.key("ctrl+o");
+        self.wait("open box");
+        self.enter(words);
     }
 
     /// The first line from now on that starts so; what follows, word by word.
@@ -107,6 +144,7 @@ impl<'a> Window<'a> {
             let Ok(line) = self.lines.recv_timeout(left) else {
                 panic!("no line '{start} …' but {seen:#?}");
             };
+            self.note(&line);
             if let Some(rest) = line.strip_prefix(start) {
                 return (seen, rest.to_owned());
             }
@@ -116,7 +154,9 @@ impl<'a> Window<'a> {
 
     /// Forgets the lines so far.
     fn skip(&self) {
-        while self.lines.try_recv().is_ok() {}
+        while let Ok(line) = self.lines.try_recv() {
+            self.note(&line);
+        }
     }
 
     fn xdotool(&self, words: &[&str]) -> String {
@@ -282,9 +322,12 @@ fn a_user_looks_around() {
 
         window.key("ctrl+c");
         let command = window.wait("command").join(" ");
-        assert!(command.contains("a town.las'") && command.contains("--hide="), "{command}");
-        for option in ["--z-unit=m", "--rgb-bits=16", "--mix-crs", "--withheld"] {
+        assert!(command.contains("a town.las'") && command.contains("--hide "), "{command}");
+        for option in ["--z-unit m", "--rgb-bits 16", "--mix-crs", "--withheld", "--ortho "] {
             assert!(command.contains(option), "{option}: {command}");
+        }
+        for option in ["--fov", "--color rgb", "--z-scale", "--cell"] {
+            assert!(!command.contains(option), "what is chosen anyway: {option}: {command}");
         }
         window.key("ctrl+s");
         window.wait("notice View saved");
@@ -626,6 +669,495 @@ fn what_is_said_of_the_data_is_true() {
         let (said, lines) = settled(&window);
         assert_eq!(said, ["no file is shown", "exact "]);
         assert!(lines.iter().all(|line| !line.starts_with("hidden")), "{lines:?}");
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+/// Runs the program to its end: exit code and standard error.
+fn run(folder: &Path, arguments: &[&str]) -> (Option<i32>, String) {
+    let run = Command::new(env!("CARGO_BIN_EXE_lasray"))
+        .args(arguments)
+        .current_dir(folder)
+        .envs([common::cache()])
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .output()
+        .unwrap();
+    (run.status.code(), String::from_utf8(run.stderr).unwrap())
+}
+
+/// A number of a line.
+fn number(word: &str) -> f64 {
+    word.trim_end_matches(',').parse().unwrap_or_else(|_| panic!("{word} is no number"))
+}
+
+/// The file with other bytes in the place of some.
+fn changed(path: &Path, name: &str, old: &[u8], new: &[u8]) {
+    let mut bytes = fs::read(path).unwrap();
+    let places: Vec<_> = (0..bytes.len()).filter(|&at| bytes[at..].starts_with(old)).collect();
+    assert!(!places.is_empty());
+    places.into_iter().for_each(|at| bytes[at..at + new.len()].copy_from_slice(new));
+    fs::write(path.with_file_name(name), bytes).unwrap();
+}
+
+#[test]
+fn an_empty_window_says_what_to_do_and_opens_a_folder() {
+    common::run("an_empty_window_says_what_to_do_and_opens_a_folder", LAVAPIPE, |_| {
+        let Some(display) = Display::open("an_empty_window_says_what_to_do_and_opens_a_folder") else {
+            return;
+        };
+        let folder = two_tiles();
+        let mut window = Window::open(&display, folder.path(), &["--size", "800x600"]);
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+
+        // The list of keys is seen whole in a small window.
+        window.key("question");
+        let keys = window.wait("keys");
+        let [left, top, right, bottom] = [1, 2, 3, 4].map(|at| number(&keys[at]));
+        assert_eq!(keys[0], "whole", "{keys:?}");
+        assert!(left >= 0.0 && top >= 0.0 && right <= 800.0 && bottom <= 600.0, "{keys:?}");
+        window.xdotool(&["key", "Escape"]);
+
+        // What cannot be opened is said in the box, which stays.
+        window.ask_for("nowhere");
+        window.xdotool(&["key", "ctrl+a"]);
+        window.xdotool(&["type", "--delay", "15", "til"]);
+        window.xdotool(&["key", "Tab"]);
+        window.xdotool(&["key", "Return"]);
+        window.wait("scene");
+        while window.wait("settled")[6] == "0" {}
+        let title = window.xdotool(&["getwindowname", &window.id]);
+        assert_eq!(title, "tiles – lasray");
+
+        // In the place of what is open.
+        let tile = fs::read_dir(folder.path().join("tiles")).unwrap().next().unwrap().unwrap().file_name();
+        let tile = tile.to_str().unwrap();
+        window.key("ctrl+o");
+        window.wait("open box");
+        window.xdotool(&["type", "--delay", "15", &format!("tiles/{tile}")]);
+        window.xdotool(&["key", "ctrl+Return"]);
+        window.wait("opened 1 inputs");
+        while window.wait("settled")[6] == "0" {}
+        assert_eq!(window.xdotool(&["getwindowname", &window.id]), format!("{tile} – lasray"));
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn the_name_alone_opens_a_window_or_says_how_to_go_on() {
+    let test = "the_name_alone_opens_a_window_or_says_how_to_go_on";
+    common::run(test, LAVAPIPE, |_| {
+        let folder = tempfile::tempdir().unwrap();
+        let (code, said) = run(folder.path(), &[]);
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains("Usage: lasray") && said.contains("Examples:"), "{said}");
+        let (code, said) = run(folder.path(), &["view"]);
+        assert_eq!(code, Some(1), "{said}");
+        assert!(said.starts_with("lasray: no window can be opened"), "{said}");
+        let Some(display) = Display::open(test) else { return };
+        let mut window = Window::with(&display, folder.path(), &[]);
+        window.focus();
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn what_is_done_with_files_is_told_once_and_stays_in_the_list() {
+    let test = "what_is_done_with_files_is_told_once_and_stays_in_the_list";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let folder = two_tiles();
+        // Its own bytes: names no system.
+        let run = run(folder.path(), &["synth", "named.las", "--points", "100k", "--format", "3"]);
+        assert_eq!(run.0, Some(0), "{run:?}");
+        changed(&folder.path().join("named.las"), "unnamed.las", b"LASF_Projection", b"OASF_Projection");
+        fs::write(folder.path().join("broken.las"), b"not LAS").unwrap();
+        let mut window = Window::open(&display, folder.path(), &["--size", "1100x880", "tiles"]);
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        window.ask_for("unnamed.las broken.las");
+        let said = window.wait_all("notice ").1;
+        assert!(said.starts_with("2 files: 1 assumed to be in ") && said.contains(", 1 failed"), "{said}");
+        window.wait("settled");
+        window.click("copy list");
+        let list: Vec<_> = (0..4).map(|_| window.wait_all("list ").1).collect();
+        let state = |line: &String| line.split('\t').nth(1).unwrap().to_owned();
+        assert_eq!(list.iter().map(state).collect::<Vec<_>>(), ["placed", "placed", "assumed", "failed"]);
+        assert!(
+            list[3].starts_with("broken.las\tfailed\t") && list[3].contains("not a LAS file"),
+            "{list:?}"
+        );
+        assert!(list[2].contains("names no coordinate system"), "{list:?}");
+
+        // To one of them, and back to what is shown.
+        window.click("zoom 0");
+        let (near, _) = view(&window.wait("settled"));
+        window.click("check 2");
+        window.wait("file 2 hidden");
+        window.wait("settled");
+        window.key("f");
+        let (both, _) = view(&window.wait("settled"));
+        assert!(both[2] > near[2] + 1.0, "{both:?} sees more than {near:?}");
+        window.click("check 0");
+        window.wait("file 0 hidden");
+        window.wait("settled");
+        window.key("f");
+        let (one, _) = view(&window.wait("settled"));
+        assert!(
+            one[0] > both[0] + 10.0 && one[2] < both[2] - 1.0,
+            "{one:?}: the eastern tile alone, {both:?}"
+        );
+
+        // Only what is shown is in the command.
+        window.key("ctrl+c");
+        let command = window.wait_all("command ").1;
+        assert!(command.contains(" tiles/tile_") && !command.contains("unnamed"), "{command}");
+        assert!(!command.contains(" tiles "), "{command}");
+        window.click("dismiss 0");
+        window.click("copy list");
+        assert!(window.wait_all("list ").1.contains("hidden"), "it is in the list all the same");
+
+        // The last one that goes leaves an empty window, which opens others.
+        for file in ["remove 0", "remove 1", "remove 2"] {
+            window.click(file);
+            window.wait(&format!("file {} removed", &file[7..]));
+            std::thread::sleep(Duration::from_millis(300));
+        }
+        window.wait("scene");
+        window.ask_for("tiles");
+        window.wait("scene");
+        while window.wait("settled")[6] == "0" {}
+        window.interrupt();
+        assert!(window.program.wait().unwrap().success());
+        let said = window.said.take().unwrap().join().unwrap();
+        let lines: Vec<_> = said.lines().collect();
+        assert!(lines.len() == 2 && lines[0].starts_with("error: broken.las: not a LAS file"), "{said}");
+        assert!(lines[1].ends_with("left out or failed"), "{said}");
+    });
+}
+
+#[test]
+fn files_of_another_system_are_told_to_be_transformed() {
+    let test = "files_of_another_system_are_told_to_be_transformed";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let (folder, _) = town();
+        let arguments = ["--size", "1100x880", "--crs", "EPSG:25833", "a town.las"];
+        let mut window = Window::open(&display, folder.path(), &arguments);
+        window.focus();
+        let (lines, _) = window.wait_all("settled");
+        let said: Vec<_> = lines.iter().filter_map(|line| line.strip_prefix("notice ")).collect();
+        let [said] = said[..] else { panic!("once: {said:?}") };
+        assert!(said.starts_with("a town.las: transformed from ") && said.contains("zone 33N"), "{said}");
+        window.click("copy list");
+        let line = window.wait_all("list ").1;
+        assert!(line.starts_with("a town.las\ttransformed\ttransformed from "), "{line}");
+        window.key("ctrl+c");
+        assert!(window.wait_all("command ").1.contains("--crs EPSG:25833"));
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+/// Mean difference of two pictures, of 255.
+fn difference(a: &[u8], b: &[u8]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let sum: u64 = a.iter().zip(b).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    sum as f64 / a.len() as f64
+}
+
+/// A picture without its transparency.
+fn rgb(path: &Path) -> Vec<u8> {
+    let mut reader = png::Decoder::new(BufReader::new(fs::File::open(path).unwrap())).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let channels = reader.next_frame(&mut pixels).unwrap().color_type.samples();
+    pixels.chunks_exact(channels).flat_map(|pixel| pixel[..3].to_vec()).collect()
+}
+
+#[test]
+fn a_saved_view_opens_from_elsewhere_as_it_was() {
+    let test = "a_saved_view_opens_from_elsewhere_as_it_was";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let folder = two_tiles();
+        let size = ["--size", "800x880"];
+        let mut window = Window::open(&display, folder.path(), &[&size[..], &["tiles"]].concat());
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        // Another colour, ramp, layer, light, projection, and one file hidden.
+        window.click("mode height");
+        window.wait("color height usual");
+        window.wait("settled");
+        window.click("ramps");
+        window.wait("ramp viridis");
+        window.click("ramp viridis");
+        window.wait("color height viridis");
+        window.click("check 1");
+        window.wait("file 1 hidden");
+        window.key("l");
+        window.wait("settled");
+        window.key("b");
+        window.wait("classes shown");
+        window.key("3");
+        let saved = window.wait("settled");
+        window.key("ctrl+s");
+        window.wait("notice View saved");
+        window.key("p");
+        window.wait("saved");
+        let picture = rgb(&folder.path().join("lasray-0001.png"));
+        window.key("ctrl+c");
+        let command = window.wait_all("command ").1;
+        assert_eq!(window.end(), Some(0));
+
+        // With its files, from another folder.
+        let other = tempfile::tempdir().unwrap();
+        let moved = other.path().join("moved");
+        fs::rename(folder.path(), &moved).unwrap();
+        let view_file = "moved/lasray-view-0001.json";
+        let mut window = Window::with(
+            &display,
+            other.path(),
+            &[view_file, "--validate", "--log-events", size[0], size[1]],
+        );
+        window.wait("first frame");
+        window.focus();
+        let (lines, settled) = window.wait_all("settled");
+        assert_eq!(words(&settled)[..5], saved[..5]);
+        assert!(lines.iter().any(|line| line.starts_with("projection parallel ")), "{lines:#?}");
+        assert!(lines.iter().any(|line| line.starts_with("color height viridis")), "{lines:#?}");
+        window.key("p");
+        window.wait("saved");
+        let again = rgb(&other.path().join("lasray-0001.png"));
+        assert!(difference(&picture, &again) < 0.5, "{}", difference(&picture, &again));
+        window.key("ctrl+c");
+        let options = |command: &str| command[command.find("--eye").unwrap()..].to_owned();
+        assert_eq!(options(&window.wait_all("command ").1), options(&command));
+        window.click("copy list");
+        let list: Vec<_> = (0..2).map(|_| window.wait_all("list ").1).collect();
+        assert_eq!(list.iter().filter(|line| line.ends_with("; hidden")).count(), 1, "{list:?}");
+        // The same in the window that is open, over what was changed there.
+        window.key("c");
+        window.wait("color");
+        window.ask_for(view_file);
+        window.wait("opened 2 inputs");
+        window.wait("color height viridis");
+        assert_eq!(window.wait("settled")[..5], saved[..5]);
+        assert_eq!(window.end(), Some(0));
+
+        // And as a picture of the command line.
+        let draw = |name: &str, more: &[&str]| {
+            let arguments = ["render", "--path", view_file, "-o", name, "--quiet"];
+            run(other.path(), &[&arguments[..], more].concat())
+        };
+        let (code, said) = draw("drawn.png", &["--samples", "16"]);
+        assert_eq!((code, &*said), (Some(0), ""));
+        let drawn = rgb(&other.path().join("drawn.png"));
+        assert!(difference(&picture, &drawn) < 4.0, "{}", difference(&picture, &drawn));
+        // What is typed counts before what was saved.
+        let (code, said) = draw("class.png", &["--color", "class", "--size", "64x48"]);
+        assert_eq!((code, &*said), (Some(0), ""));
+        assert_eq!(rgb(&other.path().join("class.png")).len(), 64 * 48 * 3);
+
+        // What is missing is named.
+        fs::rename(moved.join("tiles"), moved.join("gone")).unwrap();
+        let (code, said) = draw("none.png", &[]);
+        assert_eq!(code, Some(1), "{said}");
+        assert!(said.contains("tiles/tile_") && said.contains("no such file or folder"), "{said}");
+        let plain = r#"{"version": 1, "keyframes": [{"time": 0, "eye": [0, 0, 9], "target": [0, 0, 0]}]}"#;
+        fs::write(other.path().join("plain.json"), plain).unwrap();
+        for arguments in [&["render", "--path", "plain.json", "-o", "x.png"][..], &["plain.json"]] {
+            let (code, said) = run(other.path(), arguments);
+            assert_eq!(code, Some(2), "{said}");
+            assert!(said.contains("plain.json: a camera path that names no files"), "{said}");
+        }
+    });
+}
+
+#[test]
+fn a_view_written_by_hand_is_drawn_or_its_fault_is_named() {
+    common::run("a_view_written_by_hand_is_drawn_or_its_fault_is_named", LAVAPIPE, |_| {
+        let (folder, _) = town();
+        let camera = r#""version": 1, "projection": {"units_per_pixel": 4.0},
+            "keyframes": [{"time": 0, "eye": [512000, 5403000, 900], "target": [512000, 5403000, 200]}]"#;
+        let draw = |options: &str| {
+            let view = format!(r#"{{{camera}, "view": {{"inputs": ["a town.las"], "options": {options}}}}}"#);
+            fs::write(folder.path().join("view.json"), view).unwrap();
+            run(folder.path(), &["render", "--path", "view.json", "-o", "view.png", "--quiet"])
+        };
+        let (code, said) =
+            draw(r#"{"size": "60x40", "classes": "6", "color": "class", "z-scale": 2, "withheld": true}"#);
+        assert_eq!((code, &*said), (Some(0), ""));
+        assert_eq!(rgb(&folder.path().join("view.png")).len(), 60 * 40 * 3);
+        for (options, place, reason) in [
+            (r#"{"output": "x.png"}"#, "view.json: line ", "`output` is none of a view's"),
+            (r#"{"color": "pink"}"#, "view.json: ", "invalid value 'pink' for '--color"),
+            (r#"{"classes": 300}"#, "view.json: ", "class 300 is out of range"),
+        ] {
+            let (code, said) = draw(options);
+            assert_eq!(code, Some(2), "{said}");
+            assert!(said.starts_with(&format!("lasray: {place}")) && said.contains(reason), "{said}");
+        }
+    });
+}
+
+#[test]
+fn parallel_views_are_true_to_scale() {
+    common::run("parallel_views_are_true_to_scale", LAVAPIPE, |_| {
+        let Some(display) = Display::open("parallel_views_are_true_to_scale") else { return };
+        let (folder, file) = town();
+        let mut window =
+            Window::open(&display, folder.path(), &["--size", "700x520", file.to_str().unwrap()]);
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        let at = |window: &Window, [x, y]: [i32; 2]| {
+            window.skip();
+            window.xdotool(&["mousemove", &x.to_string(), &y.to_string()]);
+            let pick = window.wait("pick");
+            [0, 1, 2].map(|axis| number(&pick[axis]))
+        };
+        // In perspective a scale says where it holds.
+        let scale_until = |end: &str| while !window.wait_all("scale ").1.ends_with(end) {};
+        at(&window, [500, 260]);
+        window.skip();
+        window.xdotool(&["mousemove", "100", "510"]);
+        scale_until(" m in the middle");
+        window.skip();
+        window.xdotool(&["mousemove", "500", "250"]);
+        scale_until(" m at the cursor");
+
+        // In parallel it holds everywhere.
+        window.key("1");
+        scale_until(" m");
+        let units = number(&window.wait("projection parallel")[0]);
+        window.wait("settled");
+        let (a, b) = (at(&window, [420, 250]), at(&window, [620, 190]));
+        assert!((b[0] - a[0] - 200.0 * units).abs() < 1e-2, "{a:?} {b:?} at {units}");
+        assert!((b[1] - a[1] - 60.0 * units).abs() < 1e-2, "{a:?} {b:?} at {units}");
+
+        // The wheel leaves what is under the cursor there, to a pixel of the image before.
+        window.skip();
+        for _ in 0..4 {
+            window.xdotool(&["click", "4"]);
+        }
+        let nearer = number(&window.wait("projection parallel")[0]);
+        window.wait("settled");
+        let notches = (nearer / units).ln() / 0.85f64.ln();
+        assert!(notches >= 4.0 && (notches - notches.round()).abs() < 1e-6, "{nearer} {units}");
+        at(&window, [610, 190]);
+        let same = at(&window, [620, 190]);
+        assert!((0..2).all(|axis| (same[axis] - b[axis]).abs() < units), "{b:?} {same:?}");
+        // So does a drag.
+        window.skip();
+        window.xdotool(&["mousedown", "3"]);
+        for _ in 0..5 {
+            window.xdotool(&["mousemove_relative", "--", "-10", "6"]);
+        }
+        window.xdotool(&["mouseup", "3"]);
+        window.wait("settled");
+        at(&window, [560, 220]);
+        let same = at(&window, [570, 220]);
+        assert!((0..2).all(|axis| (same[axis] - b[axis]).abs() < units), "{b:?} {same:?}");
+
+        // A picture from above says where it lies.
+        window.key("p");
+        let saved = window.wait_all("saved ").1;
+        assert!(saved.ends_with(", with world file and .prj"), "{saved}");
+        let world = fs::read_to_string(folder.path().join("lasray-0001.pgw")).unwrap();
+        let world: Vec<f64> = world.lines().map(number).collect();
+        assert_eq!((world[0], world[3]), (nearer, -nearer));
+        // The image begins right of the panel; what is at 570, 220 is known.
+        let (width, _) = pixels(&folder.path().join("lasray-0001.png"));
+        let column = 570.0 - (700.0 - width as f64) - 0.5;
+        let there = [world[4] + nearer * column, world[5] - nearer * 219.5];
+        assert!((0..2).all(|axis| (there[axis] - same[axis]).abs() < 1.5 * nearer), "{there:?} {same:?}");
+        assert!(fs::read_to_string(folder.path().join("lasray-0001.prj")).unwrap().contains("UTM"));
+
+        // The other projection, and back: the middle stays, as large as it was.
+        let [x, y] = [700 - width as i32 / 2, 247];
+        let [before, beside] = [at(&window, [x, y]), at(&window, [x + 4, y])];
+        window.key("o");
+        window.wait("projection perspective 45");
+        window.wait("settled");
+        let after = at(&window, [x, y]);
+        assert!((0..2).all(|axis| (after[axis] - before[axis]).abs() < nearer), "{before:?} {after:?}");
+        let after_beside = at(&window, [x + 4, y]);
+        let [wide, wide_after] = [beside[0] - before[0], after_beside[0] - after[0]];
+        assert!((wide - wide_after).abs() < 0.3 * wide, "{wide} {wide_after}");
+        window.key("o");
+        let again = number(&window.wait("projection parallel")[0]);
+        assert!((again / nearer - 1.0).abs() < 0.05, "{again} {nearer}");
+
+        // From the side the data are before the eye, however the view is turned.
+        window.key("2");
+        window.wait("settled");
+        window.skip();
+        window.xdotool(&["mousemove", "480", "260", "mousedown", "1"]);
+        for _ in 0..10 {
+            window.xdotool(&["mousemove_relative", "--", "25", "0"]);
+        }
+        window.xdotool(&["mouseup", "1"]);
+        let (_, [azimuth, _]) = view(&window.wait("settled"));
+        assert!(azimuth > 30.0, "{azimuth}");
+        // A click on the compass brings north up.
+        window.skip();
+        window.xdotool(&["mousemove", "656", "44", "click", "1"]);
+        let (_, [azimuth, _]) = view(&window.wait("settled"));
+        assert_eq!(azimuth, 0.0);
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn ramps_and_ranges_are_chosen_and_colours_offered_where_they_are() {
+    let test = "ramps_and_ranges_are_chosen_and_colours_offered_where_they_are";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let folder = tempfile::tempdir().unwrap();
+        let run = run(folder.path(), &["synth", "rgb.las", "--points", "100k", "--format", "3"]);
+        assert_eq!(run.0, Some(0), "{run:?}");
+        // The same points, colours being bytes that no format knows.
+        let mut bytes = fs::read(folder.path().join("rgb.las")).unwrap();
+        assert_eq!(bytes[104], 3);
+        bytes[104] = 1;
+        fs::write(folder.path().join("plain.las"), bytes).unwrap();
+        let arguments = ["--size", "900x880", "--color", "height", "plain.las"];
+        let mut window = Window::open(&display, folder.path(), &arguments);
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        assert!(!window.places.borrow().contains_key("mode rgb"), "no file has colours");
+
+        window.click("ramps");
+        window.wait("ramp viridis");
+        window.click("ramp viridis");
+        let usual = window.wait("color height viridis")[0].clone();
+        window.click("range low");
+        window.xdotool(&["key", "ctrl+a"]);
+        window.enter("215");
+        let (low, high) = usual.split_once(',').unwrap();
+        let range = window.wait("color height viridis")[0].clone();
+        assert_eq!(range, format!("215.00,{high}"), "instead of {low}");
+        window.wait("settled");
+        window.key("ctrl+c");
+        let command = window.wait_all("command ").1;
+        assert!(command.contains(" --ramp viridis --range 215,"), "{command}");
+        window.click("reset ramp");
+        assert_eq!(window.wait("color height usual")[0], usual);
+
+        // They come and go with the files that have them.
+        window.ask_for("rgb.las");
+        window.wait("mode rgb");
+        window.wait("settled");
+        window.click("mode rgb");
+        window.wait("color rgb");
+        window.wait("settled");
+        window.click("remove 1");
+        window.wait("notice No file has RGB");
+        window.wait("color height");
         assert_eq!(window.end(), Some(0));
     });
 }

@@ -27,6 +27,11 @@ const RELIEF: [[u8; 3]; 6] =
     [[44, 94, 122], [58, 128, 116], [112, 158, 88], [190, 184, 98], [232, 206, 148], [252, 242, 224]];
 
 impl Ramp {
+    /// As typed.
+    pub fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+
     /// sRGB colour at `t` in 0 to 1.
     pub fn at(self, t: f64) -> [f64; 3] {
         let t = t.clamp(0.0, 1.0);

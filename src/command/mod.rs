@@ -5,6 +5,7 @@ pub mod info;
 mod outcome;
 pub mod placement;
 pub mod render;
+pub mod saved;
 pub mod synth;
 mod targets;
 mod values;

@@ -2,19 +2,22 @@
 
 use super::outcome::{Outcome, UsageError};
 use super::placement::PlacementArgs;
+use super::saved::{self, SavedWords};
 use super::targets::check_targets;
 use super::values::{self, Cell, ClassList, Color, Orbit, Place};
-use crate::attribute::ClassMask;
+use crate::attribute::{ClassMask, Ramp};
 use crate::gpu::{GpuError, GpuOptions};
 use crate::load::LoadError;
 use crate::output::{Protected, Target};
 use crate::problems::Problems;
 use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
+use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
 use crate::resident::visibility::Visibility;
 use crate::source::inputs;
 use crate::source::learned::Cache;
 use crate::view;
+use clap::Parser as _;
 use glam::DVec3;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -23,8 +26,8 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, clap::Args)]
 #[command(allow_negative_numbers = true)]
 pub struct Args {
-    /// Files, folders, @lists and patterns
-    #[arg(required = true, value_name = "INPUT")]
+    /// Files, folders, @lists and patterns, or a saved view (.json); without any the window asks for them
+    #[arg(value_name = "INPUT")]
     inputs: Vec<OsString>,
 
     /// Width and height of the window, in the pixels of a screen of usual density; a width alone is 16:9
@@ -37,6 +40,18 @@ pub struct Args {
     /// return
     #[arg(long, visible_alias = "colour", default_value = "auto", value_parser = values::color, help_heading = "Picture")]
     color: Color,
+    /// Colour ramp of heights and intensities
+    #[arg(long, value_enum, help_heading = "Picture")]
+    ramp: Option<Ramp>,
+    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98]
+    #[arg(long, value_parser = values::range, allow_hyphen_values = true, help_heading = "Picture", value_name = "LO,HI")]
+    range: Option<(f64, f64)>,
+    /// Light, or plain colours
+    #[arg(long, value_enum, default_value = "lit", help_heading = "Picture")]
+    shade: Shade,
+    /// Show holes of up to four cells, which are bridged otherwise
+    #[arg(long, help_heading = "Picture")]
+    no_bridge: bool,
     /// Show only these classes: 2,6 or 3-5 or building,ground
     #[arg(long, value_parser = values::classes, help_heading = "Picture", value_name = "LIST")]
     classes: Option<ClassList>,
@@ -60,6 +75,9 @@ pub struct Args {
     /// Vertical field of view, degrees
     #[arg(long, default_value_t = DEFAULT_FOV, value_parser = values::fov, help_heading = "Camera")]
     fov: f64,
+    /// Parallel rays, at this many units a pixel; from above unless --orbit says otherwise
+    #[arg(long, value_parser = values::positive, conflicts_with_all = ["fov", "path"], help_heading = "Camera", value_name = "UNITS")]
+    ortho: Option<f64>,
     /// Camera path to fly: see docs/camera-paths.md
     #[arg(long, conflicts_with_all = ["eye", "target", "orbit"], help_heading = "Camera", value_name = "FILE")]
     path: Option<PathBuf>,
@@ -104,6 +122,85 @@ pub struct Args {
     /// Tell what happens on standard output, for tests
     #[arg(long, hide = true)]
     log_events: bool,
+    /// Files of the inputs that are not shown at first: of a saved view
+    #[arg(long, hide = true, value_name = "FILE")]
+    hidden: Vec<PathBuf>,
+    /// The saved view whose camera is the first
+    #[arg(long, hide = true, conflicts_with = "path", value_name = "FILE")]
+    saved: Option<PathBuf>,
+}
+
+/// What a saved view says, as if it had been typed.
+#[derive(Debug, clap::Parser)]
+#[command(no_binary_name = true)]
+struct Typed {
+    #[command(flatten)]
+    args: Args,
+}
+
+impl Args {
+    /// The saved view that is to be opened, and the words that it takes the place of, if it is that: the only input, or a path
+    /// without inputs.
+    pub fn saved_view(&self) -> Option<(&Path, bool)> {
+        match (&self.inputs[..], &self.path) {
+            ([only], None) if saved::is_view_name(only) && Path::new(only).is_file() => {
+                Some((Path::new(only), true))
+            }
+            ([], Some(path)) => Some((path, false)),
+            _ => None,
+        }
+    }
+
+    fn cache(&self) -> Option<Cache> {
+        if self.no_cache { None } else { Cache::of_user() }
+    }
+
+    /// What is seen.
+    fn view(&self) -> Result<view::ViewOptions, UsageError> {
+        let shown = self.classes.as_ref().map_or(ClassMask::default(), |list| ClassMask::only(&list.0));
+        let classes = self.hide.as_ref().map_or(shown, |list| shown.without(&list.0));
+        let bridge = if self.no_bridge { 0 } else { 4 };
+        let is_typed = self.target.is_some() || self.orbit.is_some() || self.ortho.is_some();
+        let read = |file: &PathBuf| CameraPath::read(file).map_err(|error| UsageError(error.to_string()));
+        Ok(view::ViewOptions {
+            inputs: self.inputs.clone(),
+            hidden: self.hidden.clone(),
+            data: view::data::ReadOptions {
+                cell: self.cell.0,
+                placement: self.placement.options(),
+                rgb_bits: self.rgb_bits.as_ref().map(|bits| if bits == "8" { 8 } else { 16 }),
+                host_bytes: self.host_memory,
+                device_bytes: self.device_memory,
+                visibility: Visibility { classes, withheld: self.withheld, bridge, near_ties: true },
+                cache: self.cache(),
+            },
+            color: self.color.0,
+            ramp: self.ramp,
+            range: self.range,
+            shade: self.shade,
+            z_scale: self.z_scale,
+            eye: self.eye,
+            target: self.target,
+            orbit: self.orbit.map(|orbit| (orbit.angles, orbit.distance)),
+            fov: self.fov,
+            ortho: self.ortho,
+            // A camera that is typed counts before the saved one.
+            saved: self.saved.as_ref().filter(|_| !is_typed).map(read).transpose()?,
+        })
+    }
+}
+
+/// A saved view, for a window that is open. Errors: in words.
+fn read_view(file: &Path) -> Result<view::OpenedView, String> {
+    let camera = CameraPath::read(file).map_err(|error| error.to_string())?;
+    let Some(saved) = camera.saved_view() else { return Ok(view::OpenedView::Camera(camera)) };
+    let SavedWords { inputs, hidden, options } = SavedWords::of(file, saved, |name| name != "size");
+    let typed =
+        Typed::try_parse_from(&options).map_err(|error| saved::wrong_option(file, &error).to_string())?;
+    let hidden_paths = hidden.iter().map(PathBuf::from).collect();
+    let args = Args { inputs: [inputs, hidden].concat(), hidden: hidden_paths, ..typed.args };
+    let view = args.view().map_err(|error| error.to_string())?;
+    Ok(view::OpenedView::Whole(Box::new(view::ViewOptions { saved: Some(camera), ..view })))
 }
 
 /// The window has a camera before it has points.
@@ -133,7 +230,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let mut protected = Protected::default();
     if let Some(to) = &args.json {
         protected = Protected::of(&inputs::expand(&args.inputs));
-        args.path.iter().for_each(|path| protected.add(path));
+        args.path.iter().chain(&args.saved).for_each(|path| protected.add(path));
         check_targets(&protected, [], [("--json", to)])?;
         if args.log_events && *to == Target::Stdout {
             return Err(usage(&"--json -: --log-events takes standard output").into());
@@ -151,34 +248,16 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         }
         None => None,
     };
-    let shown = args.classes.map_or(ClassMask::default(), |list| ClassMask::only(&list.0));
-    let classes = args.hide.map_or(shown, |list| shown.without(&list.0));
-    let cache = if args.no_cache { None } else { Cache::of_user() };
-    let data = view::data::ReadOptions {
-        cell: args.cell.0,
-        placement: args.placement.options(),
-        rgb_bits: args.rgb_bits.map(|bits| if bits == "8" { 8 } else { 16 }),
-        host_bytes: args.host_memory,
-        device_bytes: args.device_memory,
-        visibility: Visibility { classes, withheld: args.withheld, bridge: 4, near_ties: true },
-        cache: cache.clone(),
-    };
     let options = view::WindowOptions {
-        inputs: args.inputs,
-        data,
+        view: args.view()?,
+        read_view,
         gpu: GpuOptions {
             device: args.device,
             validate: args.validate,
-            cache: cache.map(|cache| cache.folder().to_owned()),
+            cache: args.cache().map(|cache| cache.folder().to_owned()),
             ..GpuOptions::default()
         },
         size: args.size,
-        color: args.color.0,
-        z_scale: args.z_scale,
-        eye: args.eye,
-        target: args.target,
-        orbit: args.orbit.map(|orbit| (orbit.angles, orbit.distance)),
-        fov: args.fov,
         path,
         laps: args.laps,
         quit: args.quit,

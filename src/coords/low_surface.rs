@@ -75,6 +75,20 @@ impl LowSurface {
         south + (north - south) * beyond.y
     }
 
+    /// With that of what lies elsewhere, or beside it: where both are, its own.
+    pub fn joined(&self, other: &LowSurface) -> LowSurface {
+        let ends = |of: &LowSurface| [of.origin, of.origin + of.cell * LOW_SIDE as f64];
+        let [own, others] = [ends(self), ends(other)];
+        let (origin, end) = (own[0].min(others[0]), own[1].max(others[1]));
+        let cell = (end - origin) / LOW_SIDE as f64;
+        let off = |[low, high]: [DVec2; 2], at: DVec2| at.distance(at.clamp(low, high));
+        let height = |k: usize| {
+            let at = origin + cell * (DVec2::new((k % LOW_SIDE) as f64, (k / LOW_SIDE) as f64) + 0.5);
+            if off(own, at) <= off(others, at) { self.at(at) } else { other.at(at) }
+        };
+        LowSurface { origin, cell, heights: (0..LOW_SIDE * LOW_SIDE).map(height).collect() }
+    }
+
     /// The same, no lower and no higher than `bounds`.
     pub fn within(mut self, bounds: &Bounds) -> LowSurface {
         self.heights.iter_mut().for_each(|height| *height = height.clamp(bounds.min.z, bounds.max.z));

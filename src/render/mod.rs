@@ -8,6 +8,7 @@ pub mod image;
 pub mod path;
 mod ray_basis;
 pub mod reference;
+pub mod saved_view;
 #[cfg(feature = "view")]
 pub mod screen;
 pub mod side_files;

@@ -3,6 +3,7 @@
 //! The format is described in `docs/camera-paths.md`.
 
 use super::camera::{Camera, CameraError, DEFAULT_FOV, Projection};
+use super::saved_view::SavedView;
 use crate::output::Output;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -174,6 +175,8 @@ pub struct CameraPath {
     interpolation: Interpolation,
     /// At least one, times rising, all with the same kind of aim.
     keyframes: Vec<Keyframe>,
+    /// What is seen along it, where the file says that.
+    view: Option<SavedView>,
 }
 
 impl CameraPath {
@@ -211,7 +214,7 @@ impl CameraPath {
         if frames > f64::from(MOST_FRAMES) {
             return Err(PathFault::TooLong(frames));
         }
-        Ok(CameraPath { name: None, projection, fps, interpolation, keyframes })
+        Ok(CameraPath { name: None, projection, fps, interpolation, keyframes, view: None })
     }
 
     /// The view of `camera`, for one frame.
@@ -223,7 +226,18 @@ impl CameraPath {
             fps: DEFAULT_FPS,
             interpolation: Interpolation::default(),
             keyframes: vec![keyframe],
+            view: None,
         }
+    }
+
+    /// The same with what is seen along it.
+    pub fn with_view(self, view: SavedView) -> CameraPath {
+        CameraPath { view: Some(view), ..self }
+    }
+
+    /// What is seen along it, where the file says that.
+    pub fn saved_view(&self) -> Option<&SavedView> {
+        self.view.as_ref()
     }
 
     /// The same under a name.
@@ -336,7 +350,7 @@ impl CameraPath {
             Keyframe { eye: place(k.eye), aim, ..*k }
         });
         let placed = CameraPath::new(keyframes.collect(), self.projection, self.fps, self.interpolation)?;
-        Ok(CameraPath { name: self.name.clone(), ..placed })
+        Ok(CameraPath { name: self.name.clone(), view: self.view.clone(), ..placed })
     }
 
     /// Reads a file.
@@ -356,10 +370,10 @@ impl CameraPath {
             reason.truncate(reason.rfind(" at line ").unwrap_or(reason.len()));
             PathError::Text { path: owned(), line, column, reason }
         })?;
-        let PathText { name, projection, fps, interpolation, keyframes, .. } = text;
+        let PathText { name, projection, fps, interpolation, keyframes, view, .. } = text;
         let read = CameraPath::new(keyframes, projection.0, fps, interpolation)
             .map_err(|fault| PathError::Fault { path: owned(), fault })?;
-        Ok(CameraPath { name, ..read })
+        Ok(CameraPath { name, view, ..read })
     }
 
     /// Writes a file where none is, whole or not at all.
@@ -380,7 +394,12 @@ impl CameraPath {
         let _ = writeln!(text, "  \"fps\": {},", serde_json::to_string(&self.fps)?);
         let _ = writeln!(text, "  \"interpolation\": {},", serde_json::to_string(&self.interpolation)?);
         let keyframes: Result<Vec<_>, _> = self.keyframes.iter().map(serde_json::to_string).collect();
-        let _ = writeln!(text, "  \"keyframes\": [\n    {}\n  ]\n}}", keyframes?.join(",\n    "));
+        let _ = write!(text, "  \"keyframes\": [\n    {}\n  ]", keyframes?.join(",\n    "));
+        if let Some(view) = &self.view {
+            let view = serde_json::to_string_pretty(view)?.replace('\n', "\n  ");
+            let _ = write!(text, ",\n  \"view\": {view}");
+        }
+        text.push_str("\n}\n");
         Ok(text)
     }
 }
@@ -403,6 +422,7 @@ struct PathText {
     #[serde(default)]
     interpolation: Interpolation,
     keyframes: Vec<Keyframe>,
+    view: Option<SavedView>,
 }
 
 fn default_fps() -> f64 {

@@ -31,5 +31,5 @@ pub use decide::{FileSample, Sample, SampledKinds, take};
 pub use frame::FrameNote;
 pub use open::{Opened, open_all};
 pub(crate) use parallel::parallel;
-pub use rgb::RgbDepth;
+pub use rgb::{RgbDepth, has_rgb};
 pub use seen::{Asked, hidden_by_default};

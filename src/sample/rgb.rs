@@ -31,7 +31,7 @@ impl RgbDepth {
 }
 
 /// Whether the point format has RGB.
-pub(super) fn has_rgb(file: &LidarFile) -> bool {
+pub fn has_rgb(file: &LidarFile) -> bool {
     matches!(file.header.format, 2 | 3 | 5 | 7 | 8 | 10)
 }
 

@@ -231,8 +231,61 @@ pub struct World {
     pub operations: Operations,
     /// One a file; `None`: left out.
     pub placements: Vec<Option<Placement>>,
+    /// One a file: what was done with its coordinates.
+    pub treatments: Vec<Treatment>,
     /// What the user should know.
     pub notes: Vec<PlacementNote>,
+}
+
+/// What was done with the coordinates of a file.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Treatment {
+    /// They are of the world's system, or no file names one.
+    #[default]
+    Placed,
+    /// The file names no system: they are taken to be of the world's.
+    Assumed {
+        /// The world's.
+        world: String,
+    },
+    /// The file names a system, and those of the world name none: they are taken as they are.
+    Unmatched {
+        /// The file's.
+        from: String,
+    },
+    /// They are transformed.
+    Transformed {
+        /// The file's system.
+        from: String,
+        /// The world's.
+        to: String,
+        /// How, and how exactly.
+        how: String,
+    },
+    /// They cannot be placed in the world.
+    LeftOut {
+        /// Why.
+        why: String,
+    },
+}
+
+impl Treatment {
+    /// Of a file that goes into the world by an operation.
+    fn transformed(from: &Crs, to: Option<&Crs>, through: &Reprojection) -> Treatment {
+        let accuracy = through.accuracy.filter(|m| *m > 0.0).map_or(String::new(), |m| format!(", to {m} m"));
+        let how = format!("{}{accuracy}", operation_name(through));
+        let to = to.map_or(String::new(), |crs| crs.name.clone());
+        Treatment::Transformed { from: from.name.clone(), to, how }
+    }
+}
+
+/// How an operation is called.
+fn operation_name(through: &Reprojection) -> String {
+    match through.assumes_datum {
+        true => "one datum taken for the other".to_owned(),
+        false if through.keeps_datum() => "on the same datum".to_owned(),
+        false => through.operation.clone(),
+    }
 }
 
 /// A thing that was decided and is not obvious. `file`: index into the files.
@@ -406,7 +459,8 @@ impl World {
                 Some(Fit::scaled(DVec3::new(1.0, 1.0, up)).into())
             };
             let placements = files.iter().map(placement).collect();
-            return World { placements, ..World::default() };
+            let treatments = vec![Treatment::Placed; files.len()];
+            return World { placements, treatments, ..World::default() };
         }
         let mut world = World::default();
         let taken = taken(files, options, &mut world.notes);
@@ -693,6 +747,16 @@ fn ways(
             (Some(_), None) => Err("the other files name none".to_owned()),
         };
         let is_named = of_files[index].crs.is_some();
+        world.treatments.push(match (&way, &own[index], &world.crs) {
+            (Err(why), ..) => {
+                let found = name(own[index].as_ref());
+                Treatment::LeftOut { why: format!("its coordinate system is {found}, and {why}") }
+            }
+            (Ok(Way::Through(through)), Some(own), to) => Treatment::transformed(own, to.as_ref(), through),
+            (Ok(_), _, Some(to)) if !is_named => Treatment::Assumed { world: to.name.clone() },
+            (Ok(_), Some(own), None) => Treatment::Unmatched { from: own.name.clone() },
+            (Ok(_), ..) => Treatment::Placed,
+        });
         assumed += usize::from(!is_named && file.points > 0 && way.is_ok() && world.crs.is_some());
         ways.push(way.unwrap_or_else(|why| {
             if file.points > 0 {
@@ -711,11 +775,7 @@ fn ways(
         if files == 0 {
             continue;
         }
-        let operation = match through.assumes_datum {
-            true => "one datum taken for the other".to_owned(),
-            false if through.keeps_datum() => "on the same datum".to_owned(),
-            false => through.operation.clone(),
-        };
+        let operation = operation_name(&through);
         world.notes.push(PlacementNote::Transformed {
             files,
             from: crs.name.clone(),

@@ -1,38 +1,42 @@
 //! What keys do, beyond moving the camera: views, images and settings.
 
+use super::boxes::{OpenBox, OpenRequest};
+use super::file_list::FileRequest;
 use super::input::Action;
-use super::options::WindowOptions;
+use super::options::{OpenedView, WindowOptions};
 use super::pick;
+use super::remarks;
 use super::save;
 use super::saving::Saving;
-use super::settings::{BRIDGE, MODES};
+use super::settings::{BRIDGE, modes};
 use super::viewer::Viewer;
 use crate::render::frame::Shade;
-use crate::render::path::CameraPath;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 impl Viewer {
     /// Does what a key stands for.
-    pub(super) fn act(&mut self, options: &WindowOptions, action: Action) -> anyhow::Result<()> {
+    pub(super) fn act(&mut self, action: Action) -> anyhow::Result<()> {
         self.window.request_redraw();
         match action {
-            Action::FrameAll => self.look_from(self.navigation.camera.angles()),
-            Action::Standard(standard) => self.look_from(standard.angles()),
+            Action::FrameAll => self.look_from(self.navigation.camera.angles(), None),
+            Action::Standard(standard) => self.look_from(standard.angles(), Some(standard.is_parallel())),
+            Action::ToggleProjection => self.navigation.ask_for_toggle(),
+            Action::NorthUp => self.navigation.north_up((&self.data, &self.settings, &self.canvas)),
             Action::Back => self.navigation.back(),
             Action::GoTo => {
-                self.panel.close();
-                (self.panel.go_to, self.panel.focus) = (Some(String::new()), true);
+                self.panel.boxes.close();
+                (self.panel.boxes.go_to, self.panel.boxes.focus) = (Some(String::new()), true);
             }
-            Action::OpenView => {
-                self.panel.close();
-                let last = save::last_taken(Path::new("."), "lasray-view", "json");
-                let name = last.map_or(String::new(), |path| path.display().to_string());
-                (self.panel.open_view, self.panel.focus) = (Some(name), true);
+            Action::Open => {
+                self.panel.boxes.close();
+                (self.panel.boxes.open, self.panel.boxes.focus) = (Some(OpenBox::default()), true);
             }
             Action::SaveImage => self.save_image()?,
             Action::SaveView => {
-                let path = save::next_free(Path::new("."), "lasray-view", "json");
-                let saved = save::view(&self.navigation.camera, self.data.about())
+                let path = save::next_free(Path::new("."), "lasray-view", &["json"]);
+                let saved = self.seen().ok_or_else(|| "There is no view to save yet".to_owned());
+                let saved = saved
+                    .and_then(|seen| save::view(&seen, Path::new(".")))
                     .and_then(|view| view.write(&path).map_err(|e| e.to_string()));
                 match saved {
                     Ok(()) => self.notify(format!("View saved as {}", shown_path(&path))),
@@ -40,10 +44,7 @@ impl Viewer {
                 }
             }
             Action::CopyCommand => {
-                if let Some(about) = self.data.about() {
-                    let (camera, settings) = (&self.navigation.camera, &self.settings);
-                    let (inputs, size) = (self.data.inputs(), self.canvas.size());
-                    let line = save::command(inputs, camera, about, settings, size, &options.data);
+                if let Some(line) = self.seen().map(|seen| save::command(&seen)) {
                     self.log.line(format_args!("command {line}"));
                     self.toolkit.set_clipboard_text(line);
                     self.notify("The command that draws this view is on the clipboard");
@@ -61,10 +62,11 @@ impl Viewer {
                 }
             }
             Action::TogglePanel => self.panel.is_open = !self.panel.is_open,
-            Action::ToggleKeys => self.panel.has_keys = !self.panel.has_keys,
+            Action::ToggleKeys => self.panel.boxes.has_keys = !self.panel.boxes.has_keys,
             Action::NextColor => {
-                let at = MODES.iter().position(|mode| *mode == self.settings.color).unwrap_or(0);
-                self.settings.color = MODES[(at + 1) % MODES.len()];
+                let modes: Vec<_> = modes(self.data.about()).collect();
+                let at = modes.iter().position(|mode| *mode == self.settings.color).unwrap_or(0);
+                self.settings.color = modes[(at + 1) % modes.len()];
             }
             Action::ToggleBridge => {
                 let bridge = &mut self.settings.visibility.bridge;
@@ -75,15 +77,27 @@ impl Viewer {
                 *shade = if *shade == Shade::Lit { Shade::None } else { Shade::Lit };
             }
             Action::Escape => {
-                self.panel.close();
+                self.panel.boxes.close();
                 self.canvas.let_go();
             }
         }
         Ok(())
     }
 
-    fn look_from(&mut self, angles: [f64; 2]) {
-        self.navigation.look_from(angles, (&self.data, &self.settings, &self.canvas));
+    fn look_from(&mut self, angles: [f64; 2], is_parallel: Option<bool>) {
+        self.navigation.look_from(angles, is_parallel, (&self.data, &self.settings, &self.canvas));
+    }
+
+    /// What is seen, once there is something.
+    fn seen(&self) -> Option<save::Seen<'_>> {
+        Some(save::Seen {
+            data: &self.data,
+            about: self.data.about().filter(|_| self.navigation.is_framed())?,
+            camera: &self.navigation.camera,
+            settings: &self.settings,
+            colors: self.canvas.colors().map(|(_, table)| table),
+            size: self.canvas.size(),
+        })
     }
 
     /// Begins to save what is seen.
@@ -98,7 +112,7 @@ impl Viewer {
         } else if !is_free {
             self.notify("A picture is being saved");
         } else {
-            let path = save::next_free(Path::new("."), "lasray", "png");
+            let path = save::next_free(Path::new("."), "lasray", &["png", "pgw", "prj"]);
             let seen = (&self.settings, &self.navigation.camera);
             self.saving = Saving::begin(&mut self.data, &mut self.canvas, seen, path)?.map(Box::new);
         }
@@ -111,15 +125,19 @@ impl Viewer {
             && let Some(image) = saving.image(&mut self.data)?
         {
             let wake = self.wake.clone();
-            let (path, notes) = saving.file(&self.data);
-            self.writer.write(image, path, notes, move || wake());
+            self.writer.write(image, saving.file(&self.data), move || wake());
             self.saving = None;
         }
         for (path, written) in self.writer.take() {
             match written {
-                Ok(()) => {
-                    self.log.line(format_args!("saved {}", path.display()));
-                    self.notify(format!("Saved {}", shown_path(&path)));
+                Ok(beside) => {
+                    let with = match &beside.written[..] {
+                        [] => String::new(),
+                        names => format!(", with {}", names.join(" and ")),
+                    };
+                    let but = beside.said.iter().map(|line| format!("; {line}")).collect::<String>();
+                    self.notify(format!("Saved {}{with}{but}", shown_path(&path)));
+                    self.log.line(format_args!("saved {}{with}", path.display()));
                 }
                 Err(error) => self.notify(error.to_string()),
             }
@@ -128,15 +146,95 @@ impl Viewer {
         Ok(())
     }
 
-    /// Goes to the view of a file.
-    pub(super) fn open_view(&mut self, path: &Path) {
-        if self.data.about().is_none() {
-            return;
-        }
-        let view = CameraPath::read(path).map_err(|e| e.to_string());
-        match view.and_then(|view| self.navigation.open(&view, &self.data)) {
-            Ok(()) => self.window.request_redraw(),
+    /// Goes to the view of a file: all of it where it says what it is of, else its camera.
+    pub(super) fn open_view(&mut self, options: &WindowOptions, path: &Path) -> anyhow::Result<()> {
+        match (options.read_view)(path) {
+            Ok(OpenedView::Whole(view)) => {
+                self.reopen(*view)?;
+                self.notify(format!("View of {}", path.display()));
+            }
+            Ok(OpenedView::Camera(_)) if self.data.about().is_none() => {
+                self.notify(format!("{}: names no files: open those first", path.display()));
+            }
+            Ok(OpenedView::Camera(camera)) => {
+                if let Err(why) = self.navigation.open(&camera, &self.data, &self.settings) {
+                    self.notify(why);
+                }
+                self.window.request_redraw();
+            }
             Err(why) => self.notify(why),
+        }
+        Ok(())
+    }
+
+    /// Opens what was asked for: files and folders beside what is open, or in its place; a view always in its place.
+    pub(super) fn open(&mut self, options: &WindowOptions, request: OpenRequest) -> anyhow::Result<()> {
+        let is_view = |path: &Path| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
+        let (views, inputs): (Vec<_>, Vec<_>) =
+            request.inputs.into_iter().partition(|input| is_view(Path::new(input)));
+        if let Some(view) = views.last() {
+            self.open_view(options, Path::new(view))?;
+        }
+        match inputs.is_empty() {
+            true => {}
+            false if request.instead => {
+                self.reopen(options.view.of_others(inputs))?;
+            }
+            false => {
+                if self.data.is_empty() {
+                    self.name_window(&inputs);
+                }
+                self.data.add(inputs);
+            }
+        }
+        self.window.request_redraw();
+        Ok(())
+    }
+
+    /// Does what was asked for with a file of the list.
+    pub(super) fn do_with_file(&mut self, request: FileRequest) -> anyhow::Result<()> {
+        match request {
+            FileRequest::Show(file, is_shown) => {
+                self.log.line(format_args!("file {file} {}", if is_shown { "shown" } else { "hidden" }));
+                self.data.set_visible(file, is_shown);
+            }
+            FileRequest::ZoomTo(file) => {
+                let hull = self.data.about().and_then(|about| about.files.get(file)?.hull.clone());
+                if let Some(hull) = hull {
+                    self.log.line(format_args!("file {file} zoomed to"));
+                    self.navigation.look_at(&hull, (&self.data, &self.settings, &self.canvas));
+                } else {
+                    self.notify("It is not known where its points lie");
+                }
+            }
+            FileRequest::Remove(file) => {
+                self.log.line(format_args!("file {file} removed"));
+                self.data.remove(file);
+                if self.data.is_emptied() {
+                    // What comes next has a world of its own.
+                    self.reopen(self.view.of_others(Vec::new()))?;
+                }
+            }
+            FileRequest::Dismiss(refused) => self.data.dismiss(refused),
+            FileRequest::Copy => {
+                let files = self.data.about().map_or(&[][..], |about| &about.files);
+                let list = remarks::list(files.iter(), self.data.refused());
+                list.lines().for_each(|line| self.log.line(format_args!("list {line}")));
+                self.toolkit.set_clipboard_text(list);
+                self.notify("The list of files is on the clipboard");
+            }
+        }
+        self.window.request_redraw();
+        Ok(())
+    }
+
+    /// Files that were dropped onto the window: views and data.
+    pub(super) fn take_dropped(&mut self, options: &WindowOptions) -> anyhow::Result<()> {
+        let inputs: Vec<_> =
+            std::mem::take(&mut self.dropped).into_iter().map(PathBuf::into_os_string).collect();
+        match inputs.is_empty() {
+            true => Ok(()),
+            false => self.open(options, OpenRequest { inputs, instead: false }),
         }
     }
 }

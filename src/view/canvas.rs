@@ -5,7 +5,7 @@
 use super::data::Data;
 use super::overlay::ImageArea;
 use super::pace::Pace;
-use super::settings::{Colors, SAMPLES, Settings, view_of};
+use super::settings::{ColorChoice, Colors, SAMPLES, Settings, view_of};
 use crate::attribute::ColorTable;
 use crate::gpu::{Commands, Gpu, GpuError, SyncPoint, TracedImage};
 use crate::render::camera::Camera;
@@ -13,6 +13,7 @@ use crate::render::frame::{Renderer, View, check_size};
 use crate::render::screen::{Pick, PickedPoint, Screen};
 use crate::resident::table::Table;
 use glam::DVec3;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// What the traced image depends on, but for the data.
@@ -23,10 +24,25 @@ struct Wanted {
     size: [u32; 2],
 }
 
-/// What is under the cursor, and what image it was asked of.
+/// Where it is asked what lies in the middle: shares of the image's width and height.
+const MIDDLE: [f64; 2] = [0.5; 2];
+
+/// What it is asked for what lies somewhere.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// It is under the cursor.
+    Cursor,
+    /// It was clicked on.
+    Kept,
+    /// It is in the image's middle.
+    Middle,
+}
+
+/// What lies at a place, and what image that was asked of.
 #[derive(Clone, Copy, PartialEq)]
 struct Question {
-    cursor: [f64; 2],
+    at: [f64; 2],
+    purpose: Purpose,
     /// Images since the start.
     version: u64,
 }
@@ -58,11 +74,15 @@ pub struct Canvas {
     pace: Pace,
     version: u64,
     asked: Option<Question>,
-    /// The last answer, and the camera when it came.
+    /// Those that are under way, the oldest first.
+    asking: VecDeque<Question>,
+    /// The last answer for the cursor, and the camera when it came.
     pick: Option<(Pick, Camera)>,
     kept: Option<Kept>,
     /// Vertical exaggeration of what is to be kept.
     kept_scale: f64,
+    /// And that for the middle of the image, which is asked for where the cursor is elsewhere.
+    middle: Option<(Pick, Camera)>,
 }
 
 impl Canvas {
@@ -79,9 +99,11 @@ impl Canvas {
             pace: Pace::new(is_slow),
             version: 0,
             asked: None,
+            asking: VecDeque::new(),
             pick: None,
             kept: None,
             kept_scale: 1.0,
+            middle: None,
         }
     }
 
@@ -90,7 +112,15 @@ impl Canvas {
         self.renderer = None;
         self.colors = None;
         self.screen.forget();
-        (self.asked, self.kept) = (None, None);
+        self.asking.clear();
+        (self.asked, self.pick, self.middle, self.kept) = (None, None, None, None);
+    }
+
+    /// Forgets the image, too: nothing is open any more, or something else.
+    pub fn clear(&mut self) {
+        self.forget_scene();
+        self.screen = Screen::default();
+        self.wanted = None;
     }
 
     /// Pixels of the image at rest.
@@ -163,6 +193,16 @@ impl Canvas {
         Some(at.with_z(pivot + (at.z - pivot) / self.kept_scale * z_scale))
     }
 
+    /// Whether an answer for the middle is under way.
+    pub fn awaits_middle(&self) -> bool {
+        self.asking.iter().any(|question| question.purpose == Purpose::Middle)
+    }
+
+    /// What lies in the middle of the image of `camera`, where that is known: the last answer to [`Canvas::ask`].
+    pub fn middle(&self, camera: &Camera) -> Option<&Pick> {
+        self.middle.as_ref().filter(|(_, of)| of == camera).map(|(pick, _)| pick)
+    }
+
     /// Bytes of sections to upload in a frame, of at most `most`.
     pub fn upload_bytes(&self, most: u64) -> u64 {
         if self.is_urgent { self.pace.upload_bytes(self.area.size, most) } else { most }
@@ -174,17 +214,18 @@ impl Canvas {
     }
 
     /// Whether the colours are what the settings say.
-    pub fn has_colors_of(&self, settings: &Settings) -> bool {
-        self.colors.as_ref().is_none_or(|(of, _)| *of == settings.color)
+    pub fn has_colors_of(&self, data: &Data, settings: &Settings) -> bool {
+        self.colors.as_ref().is_none_or(|(of, _)| *of == ColorChoice::of(settings, data.about()))
     }
 
     /// Makes the colours what the settings say; whether they were not.
     pub fn apply_colors(&mut self, data: &Data, settings: &Settings) -> anyhow::Result<bool> {
-        let color = settings.color;
-        let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == color);
+        let choice = ColorChoice::of(settings, data.about());
+        let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == choice);
         let Some(about) = data.about().filter(|_| !is_current) else { return Ok(false) };
-        let table = ColorTable::new(color, &about.summary, &data.grid().0, None, None)?;
-        self.colors = Some((color, table));
+        let scale = settings.scale();
+        let table = ColorTable::new(settings.color, &about.summary, &data.grid().0, scale.ramp, scale.range)?;
+        self.colors = Some((choice, table));
         Ok(true)
     }
 
@@ -261,36 +302,41 @@ impl Canvas {
         Ok(true)
     }
 
-    /// Asks in frame `slot` what lies under the cursor (pixels from the image's corner), where that is another question than
-    /// the last; whether it was asked. Nothing is asked where `is_taken`: the frame copies something else.
+    /// Asks in frame `slot` what lies under the cursor (pixels from the image's corner), or in the middle where that is
+    /// elsewhere or the middle is `wanted`, if that is another question than the last; whether it was asked. Nothing is
+    /// asked where `is_taken`: the frame copies something else.
     pub fn ask(
         &mut self,
         data: &mut Data,
         (commands, slot): (&mut Commands, usize),
         cursor: Option<[f64; 2]>,
-        is_taken: bool,
+        (middle_is_wanted, is_taken): (bool, bool),
     ) -> Result<bool, GpuError> {
         if let (Some(Kept::Wanted(at)), Some(renderer), false) = (self.kept, &self.renderer, is_taken) {
             let is_asked = self.screen.ask(renderer, data.scene_mut(), (commands, slot), at)?;
             if is_asked {
                 // What lies under the cursor is asked for again, after it.
                 (self.kept, self.asked) = (Some(Kept::Asked(at)), None);
+                self.asking.push_back(Question { at, purpose: Purpose::Kept, version: self.version });
             }
             return Ok(is_asked);
         }
         let is_inside = |at: &[f64; 2]| at.iter().all(|v| (0.0..1.0).contains(v));
-        let Some(cursor) = cursor.map(|at| self.area.share(at)).filter(is_inside) else {
+        let cursor = cursor.map(|at| self.area.share(at)).filter(is_inside);
+        if cursor.is_none() {
             self.pick = None;
-            return Ok(false);
-        };
-        let question = Question { cursor, version: self.version };
+        }
+        let cursor = cursor.filter(|_| !middle_is_wanted);
+        let purpose = if cursor.is_some() { Purpose::Cursor } else { Purpose::Middle };
+        let question = Question { at: cursor.unwrap_or(MIDDLE), purpose, version: self.version };
         let Some(renderer) = self.renderer.as_ref().filter(|_| !is_taken && self.asked != Some(question))
         else {
             return Ok(false);
         };
-        let is_asked = self.screen.ask(renderer, data.scene_mut(), (commands, slot), cursor)?;
+        let is_asked = self.screen.ask(renderer, data.scene_mut(), (commands, slot), question.at)?;
         if is_asked {
             self.asked = Some(question);
+            self.asking.push_back(question);
         }
         Ok(is_asked)
     }
@@ -300,22 +346,32 @@ impl Canvas {
         self.screen.submitted(slot, point);
     }
 
-    /// Answers that are there by now, the latest last, which is kept as one for `camera`; whether they are of what was
-    /// clicked on. Waits for nothing.
-    pub fn take_picks(&mut self, data: &mut Data, camera: &Camera) -> Result<Vec<(Pick, bool)>, GpuError> {
+    /// Answers that are there by now, the latest last, each with what it was asked for, and kept as one for `camera`. Waits
+    /// for nothing.
+    pub fn take_picks(&mut self, data: &mut Data, camera: &Camera) -> Result<Vec<(Pick, Purpose)>, GpuError> {
         let Some(renderer) = &self.renderer else { return Ok(Vec::new()) };
-        let picks = self.screen.take_picks(renderer, data.scene_mut())?;
-        if let Some(pick) = picks.last() {
-            self.pick = Some((*pick, *camera));
-        }
-        let mut answer = |pick: Pick| {
-            let is_kept = matches!(self.kept, Some(Kept::Asked(at)) if at == pick.at);
-            if is_kept {
-                self.kept = pick.point.map(Kept::Known);
+        let mut answers = Vec::new();
+        for pick in self.screen.take_picks(renderer, data.scene_mut())? {
+            // Those that were lost on the way are followed by others.
+            while let Some(asked) = self.asking.pop_front() {
+                if asked.at != pick.at {
+                    continue;
+                }
+                match asked.purpose {
+                    Purpose::Middle => self.middle = Some((pick, *camera)),
+                    Purpose::Cursor => self.pick = Some((pick, *camera)),
+                    Purpose::Kept => {
+                        self.pick = Some((pick, *camera));
+                        if matches!(self.kept, Some(Kept::Asked(at)) if at == pick.at) {
+                            self.kept = pick.point.map(Kept::Known);
+                        }
+                    }
+                }
+                answers.push((pick, asked.purpose));
+                break;
             }
-            (pick, is_kept)
-        };
-        Ok(picks.into_iter().map(&mut answer).collect())
+        }
+        Ok(answers)
     }
 
     /// Learns from frames that are done; gives their milliseconds.

@@ -1,13 +1,14 @@
 //! Where the window's data comes from: everything that it knows of files and sections goes through here.
 
+use super::fates::{self, Refused};
 use super::watch::{self, News, Stamp, Watch};
 use crate::attribute::KindCounts;
-use crate::coords::{Grid, HEIGHT_STEP, Height};
+use crate::coords::{Grid, HEIGHT_STEP, Height, Hull};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::{Budget, Core};
 use crate::ingest::builds::cells_of;
 use crate::ingest::input::OpenInput;
-use crate::load::{self, LoadError, LoadOptions, Opening};
+use crate::load::{self, Fate, Fates, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
 use crate::render::camera::Camera;
 use crate::render::frame::Renderer;
@@ -18,15 +19,16 @@ use crate::resident::scene::Scene;
 use crate::resident::table::Table;
 use crate::resident::visibility::Visibility;
 use crate::resident::visibility::why_hidden;
+use crate::sample;
 use crate::source::inputs;
 use crate::source::learned::Cache;
 use crate::source::length::Length;
-use crate::source::placement::PlacementOptions;
+use crate::source::placement::{PlacementOptions, Treatment};
 use crate::text::harmless;
 use crossbeam_channel::Receiver;
-use std::collections::{HashMap, VecDeque};
+use std::collections::{HashMap, HashSet, VecDeque};
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -71,6 +73,16 @@ pub struct FileAbout {
     pub is_gone: bool,
     /// The coordinate system that it names.
     pub system: Option<String>,
+    /// It was taken from the list, and is never shown again.
+    pub is_removed: bool,
+    /// What was done with its coordinates.
+    pub treatment: Treatment,
+    /// What is wrong with it, of which the rest is shown.
+    pub damage: Option<String>,
+    /// Some of its points have colours.
+    pub has_rgb: bool,
+    /// What is framed of it.
+    pub hull: Option<Hull>,
     /// Its number in what is live.
     source: usize,
     /// What it looked like when it was opened.
@@ -84,6 +96,36 @@ pub struct DataAbout {
     pub whole: load::About,
     /// In the order of the inputs.
     pub files: Vec<FileAbout>,
+}
+
+impl FileAbout {
+    /// Whether its points are to be seen.
+    pub fn is_seen(&self) -> bool {
+        self.shown && !self.is_gone && !self.is_removed
+    }
+}
+
+impl DataAbout {
+    /// Whether any file has colours of its own.
+    pub fn has_rgb(&self) -> bool {
+        self.files.iter().any(|file| file.has_rgb && !file.is_removed)
+    }
+
+    /// What is framed of what is shown: of all files, or of those that are not hidden.
+    pub fn shown_hull(&self) -> Hull {
+        if self.files.iter().all(FileAbout::is_seen) {
+            return self.whole.hull.clone();
+        }
+        let seen = self.files.iter().filter(|file| file.is_seen()).filter_map(|file| file.hull.as_ref());
+        Hull::union(seen).unwrap_or_else(|| self.whole.hull.clone())
+    }
+}
+
+/// An input as it was given, and the files that it came to.
+#[derive(Clone, Debug)]
+struct Given {
+    word: OsString,
+    files: Vec<PathBuf>,
 }
 
 impl std::ops::Deref for DataAbout {
@@ -156,7 +198,15 @@ enum Purpose {
 }
 
 /// What came of opening files, and what is to be said of it.
-type Opened = (Result<Opening, LoadError>, Problems);
+struct Opened {
+    opening: Result<Opening, LoadError>,
+    problems: Problems,
+    /// What the inputs came to.
+    given: Vec<Given>,
+    fates: Fates,
+    /// Inputs that are no files.
+    refused: Vec<Refused>,
+}
 
 /// Files that are being opened.
 struct OpeningFiles {
@@ -173,7 +223,17 @@ type Wake = Arc<dyn Fn() + Send + Sync>;
 pub struct Data {
     options: ReadOptions,
     wake: Wake,
-    inputs: Vec<OsString>,
+    given: Vec<Given>,
+    /// Files that are to be hidden once they are there, by their canonical paths.
+    hidden: HashSet<PathBuf>,
+    /// Files that are not shown, and why.
+    refused: Vec<Refused>,
+    /// What the user is to be told.
+    notices: Vec<String>,
+    /// The scene is another one since the last tick.
+    is_reset: bool,
+    /// How many were opened first.
+    first_files: usize,
     pending: Vec<OpeningFiles>,
     about: Option<DataAbout>,
     live: Option<Live>,
@@ -203,6 +263,7 @@ impl Data {
     pub fn open(
         gpu: &Gpu,
         inputs: Vec<OsString>,
+        hidden: &[PathBuf],
         options: ReadOptions,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> anyhow::Result<Data> {
@@ -212,7 +273,12 @@ impl Data {
         let mut data = Data {
             options,
             wake: Arc::new(wake),
-            inputs: Vec::new(),
+            given: Vec::new(),
+            hidden: HashSet::new(),
+            refused: Vec::new(),
+            notices: Vec::new(),
+            is_reset: false,
+            first_files: 0,
             pending: Vec::new(),
             about: None,
             live: None,
@@ -232,8 +298,53 @@ impl Data {
             failed: None,
             is_held: false,
         };
-        data.add(inputs);
+        data.open_first(inputs, hidden);
         Ok(data)
+    }
+
+    fn open_first(&mut self, inputs: Vec<OsString>, hidden: &[PathBuf]) {
+        self.hidden = hidden.iter().filter_map(|path| path.canonicalize().ok()).collect();
+        self.add(inputs);
+    }
+
+    /// Forgets everything that is open, and opens `inputs` in its place, those of `hidden` unseen.
+    pub fn reopen(
+        &mut self,
+        gpu: &Gpu,
+        inputs: Vec<OsString>,
+        hidden: &[PathBuf],
+        options: ReadOptions,
+    ) -> anyhow::Result<()> {
+        // What is being opened for the old world tells nobody.
+        self.pending.clear();
+        self.again.clear();
+        self.messages.clear();
+        self.given.clear();
+        self.refused.clear();
+        (self.about, self.live, self.watch, self.failed) = (None, None, None, None);
+        self.now = live::Status::default();
+        (self.kinds, self.kinds_version) = (KindCounts::default(), None);
+        self.options = ReadOptions { device_bytes: self.options.device_bytes, ..options };
+        self.new_scene(gpu, NO_GRID, self.options.visibility)?;
+        self.is_reset = true;
+        self.open_first(inputs, hidden);
+        Ok(())
+    }
+
+    /// Another scene, on `grid`.
+    fn new_scene(&mut self, gpu: &Gpu, grid: Grid, visibility: Visibility) -> anyhow::Result<()> {
+        self.grid = grid;
+        // What is under way on the device goes on under the same order.
+        let order = self.scene.take().expect("there is always one").order;
+        let keep = |fresh: Order| {
+            drop(fresh);
+            order
+        };
+        let budget = self.options.device_bytes;
+        let mut scene = Scene::new(gpu, keep, access(gpu, budget), budget, visibility, grid)?;
+        scene.defer_uploads(self.is_held);
+        self.scene = Some(scene);
+        Ok(())
     }
 
     /// While held, files are read, but nothing comes to the device: see [`Scene::defer_uploads`].
@@ -253,7 +364,8 @@ impl Data {
         lit: bool,
         upload_bytes: u64,
     ) -> anyhow::Result<Tick> {
-        let mut tick = Tick::default();
+        let is_reset = std::mem::take(&mut self.is_reset);
+        let mut tick = Tick { changed: is_reset, is_new_scene: is_reset, is_busy: false };
         let news: Vec<_> = self.watch.iter().flat_map(Watch::news).collect();
         self.note_changes(news);
         self.open_again();
@@ -262,30 +374,20 @@ impl Data {
         while let Some(pending) = self.pending.first() {
             let come = match pending.opening.try_recv() {
                 Err(error) if error.is_empty() => break,
-                Err(_) => (Err(LoadError::Nothing("reading ended early")), Problems::default()),
+                Err(_) => Opened::failed("reading ended early"),
                 Ok(come) => come,
             };
             let pending = self.pending.remove(0);
             opened.push((come, pending.purpose, pending.is_of_world));
         }
-        for ((opening, problems), purpose, is_of_world) in opened {
+        for (come, purpose, is_of_world) in opened {
             tick.changed = true;
-            match (purpose, opening) {
+            match purpose {
                 // Only now it is known what they come to.
-                (Purpose::More(inputs), _) if self.about.is_some() && !is_of_world => self.open_more(inputs),
-                (Purpose::More(inputs), opening) if self.about.is_some() => {
-                    self.join(inputs, opening, problems);
-                }
-                (Purpose::Again(files), opening) => self.renew(&files, opening, problems),
-                (_, Ok(opening)) => {
-                    self.take_in(problems);
-                    self.show(gpu, opening)?;
-                    tick.is_new_scene = true;
-                }
-                (_, Err(error)) => {
-                    self.take_in(problems);
-                    self.failed = Some(error.to_string());
-                }
+                Purpose::More(inputs) if self.about.is_some() && !is_of_world => self.open_more(inputs),
+                Purpose::More(inputs) if self.about.is_some() => self.join(inputs, come),
+                Purpose::Again(files) => self.renew(&files, come.opening, come.problems),
+                Purpose::First | Purpose::More(_) => tick.is_new_scene |= self.show_first(gpu, come)?,
             }
         }
         let (Some(live), Some(about)) = (&mut self.live, &self.about) else {
@@ -330,6 +432,7 @@ impl Data {
         let (errors, warnings) = (live.take_errors(), live.take_warnings());
         errors.iter().for_each(|line| self.problems.error(line));
         warnings.iter().for_each(|line| self.problems.warn(line));
+        self.note_damage(&errors);
         self.print();
         let warnings = warnings.into_iter().map(|line| format!("warning: {line}"));
         self.say(errors.into_iter().chain(warnings).collect());
@@ -374,19 +477,25 @@ impl Data {
     }
 
     /// More files, on the grid of those that are there.
-    fn join(&mut self, asked: Vec<OsString>, opening: Result<Opening, LoadError>, mut problems: Problems) {
+    fn join(&mut self, asked: Vec<OsString>, come: Opened) {
+        let Opened { opening, mut problems, given, fates, refused } = come;
         let opening = match opening {
             Ok(opening) if self.reaches(&opening) => Ok(opening),
-            Ok(_) => Err("they are too far from what is shown, in height or aside".to_owned()),
+            Ok(_) => Err("too far from what is shown, in height or aside".to_owned()),
             Err(error) => Err(error.to_string()),
         };
+        let fates = match &opening {
+            Ok(_) => fates,
+            Err(why) => fates::none_shown(fates, why),
+        };
+        let is_shown = |(_, fate): &(PathBuf, Fate)| matches!(fate, Fate::Shown(_));
+        if fates.iter().any(is_shown) {
+            self.given.extend(given);
+        }
+        self.note_fates(&fates, refused, true);
         let opening = match opening {
             Ok(opening) => opening,
             Err(why) => {
-                for input in &asked {
-                    let last = self.inputs.iter().rposition(|known| known == input);
-                    last.map(|at| self.inputs.remove(at));
-                }
                 let names: Vec<_> = asked.iter().map(|input| input.display().to_string()).collect();
                 problems.lose_all();
                 self.take_in(problems);
@@ -398,7 +507,7 @@ impl Data {
         let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
         about.whole.kinds.extend(&opening.about.kinds);
         let first = about.files.len();
-        about.files.extend(opening.inputs.iter().map(file_about));
+        about.files.extend(files_about(&opening, &fates));
         let sources = live.add_files(opening.inputs, core);
         for (file, source) in about.files[first..].iter_mut().zip(sources) {
             file.source = source;
@@ -406,11 +515,47 @@ impl Data {
         self.watch_from(first);
     }
 
+    /// What became of files: kept in the list, and told once.
+    fn note_fates(&mut self, fates: &Fates, refused: Vec<Refused>, is_more: bool) {
+        let refused: Vec<_> = refused.into_iter().chain(fates::refused(fates)).collect();
+        let is_new = |known: &Refused| {
+            refused.iter().all(|new| new.name != known.name)
+                && fates.iter().all(|(path, _)| known.name != path.display().to_string())
+        };
+        self.refused.retain(is_new);
+        let crs = self.about.as_ref().and_then(|about| about.crs.as_ref());
+        let world = crs.map_or("", |crs| &crs.name);
+        self.notices.extend(fates::told(fates, &refused, world, is_more));
+        self.refused.extend(refused);
+    }
+
+    /// Errors of reading, by the files that they begin with.
+    fn note_damage(&mut self, errors: &[String]) {
+        let Some(about) = &mut self.about else { return };
+        for error in errors {
+            let told = about.files.iter_mut().find_map(|file| {
+                let reason = error.strip_prefix(&*file.path.to_string_lossy())?.strip_prefix(": ")?;
+                Some((file, reason))
+            });
+            if let Some((file, reason)) = told {
+                file.damage.get_or_insert_with(|| harmless(reason));
+            }
+        }
+    }
+
     /// Takes in what is known of more files; gives where all lie.
     fn widen(&mut self, more: &load::About) -> Core {
         let known = &mut self.about.as_mut().expect("others are there").whole;
         let (a, b) = (known.bounds, more.bounds);
         known.bounds = a.union(b);
+        known.hull = Hull::union([&known.hull, &more.hull]).expect("two hulls");
+        known.low = Arc::new(known.low.joined(&more.low));
+        if more.summary.colored > 0 {
+            // Ranges stay those of the opening sample; that there are colours does not.
+            known.summary.has_rgb = true;
+            known.summary.colored += more.summary.colored;
+            known.summary.rgb_constant = None;
+        }
         load::core(self.grid.base_cell, &known.bounds)
     }
 
@@ -419,8 +564,11 @@ impl Data {
         let (Some(about), Some(live)) = (&mut self.about, &mut self.live) else { return };
         let (mut lines, mut gone) = (Vec::new(), Vec::new());
         for News { file, is_there } in news {
-            self.is_complete = false;
             let known = &mut about.files[file];
+            if known.is_removed {
+                continue;
+            }
+            self.is_complete = false;
             self.again.retain(|again| *again != file);
             if is_there {
                 self.again.push_back(file);
@@ -461,6 +609,7 @@ impl Data {
         let core = opening.as_ref().map(|opening| self.widen(&opening.about));
         let (Some(live), Some(about)) = (&mut self.live, &mut self.about) else { return };
         let mut inputs = HashMap::new();
+        let has_rgb = opening.as_ref().is_some_and(|opening| opening.about.summary.colored > 0);
         if let Some(opening) = opening {
             // What the old ones had is not known.
             about.whole.kinds.extend(&opening.about.kinds);
@@ -480,7 +629,8 @@ impl Data {
                     if std::mem::take(&mut file.is_gone) && file.shown {
                         back.push(file.source);
                     }
-                    *file = FileAbout { shown: file.shown, source: file.source, ..file_about(&input) };
+                    let (shown, source, treatment) = (file.shown, file.source, file.treatment.clone());
+                    *file = FileAbout { shown, source, ..file_about(&input, has_rgb, treatment) };
                     new.push((file.source, input));
                 }
                 None => {
@@ -508,14 +658,33 @@ impl Data {
         }
     }
 
+    /// The first data that there is; whether there is any.
+    fn show_first(&mut self, gpu: &Gpu, come: Opened) -> anyhow::Result<bool> {
+        let Opened { opening, problems, given, fates, refused } = come;
+        self.take_in(problems);
+        self.given = given;
+        let opening = match opening {
+            Ok(opening) => opening,
+            Err(error) => {
+                let why = error.to_string();
+                self.note_fates(&fates::none_shown(fates, &why), refused, true);
+                self.failed = Some(why);
+                return Ok(false);
+            }
+        };
+        self.show(gpu, opening, &fates)?;
+        self.note_fates(&fates, refused, false);
+        Ok(true)
+    }
+
     /// The first data that there is: its scene.
-    fn show(&mut self, gpu: &Gpu, opening: Opening) -> anyhow::Result<()> {
-        let Opening { inputs, grid, core, about } = opening;
+    fn show(&mut self, gpu: &Gpu, opening: Opening, fates: &Fates) -> anyhow::Result<()> {
         self.failed = None;
-        self.grid = grid;
-        self.anchor = grid.height(about.bounds.center().z).unwrap_or(Height(0));
-        let mut files: Vec<_> = inputs.iter().map(file_about).collect();
+        let mut files: Vec<_> = files_about(&opening, fates).collect();
         files.iter_mut().enumerate().for_each(|(source, file)| file.source = source);
+        self.first_files = files.len();
+        let Opening { inputs, grid, core, about } = opening;
+        self.anchor = grid.height(about.bounds.center().z).unwrap_or(Height(0));
         self.about = Some(DataAbout { whole: about, files });
         let wake = Arc::clone(&self.wake);
         self.watch = Some(Watch::new(move || wake()));
@@ -529,23 +698,79 @@ impl Data {
             live.save_learned_to(cache.clone());
         }
         self.live = Some(live);
-        // What is under way on the device goes on under the same order.
-        let old = self.scene.take().expect("there is always one");
-        let (visibility, order) = (old.visibility(), old.order);
-        let keep = |fresh: Order| {
-            drop(fresh);
-            order
-        };
-        let budget = self.options.device_bytes;
-        let mut scene = Scene::new(gpu, keep, access(gpu, budget), budget, visibility, grid)?;
-        scene.defer_uploads(self.is_held);
-        self.scene = Some(scene);
+        self.new_scene(gpu, grid, self.scene().visibility())?;
+        let hidden = std::mem::take(&mut self.hidden);
+        let is_hidden = |path: &Path| path.canonicalize().is_ok_and(|path| hidden.contains(&path));
+        let files = self.about.iter().flat_map(|about| &about.files).enumerate();
+        let unseen: Vec<_> = files.filter(|(_, file)| is_hidden(&file.path)).map(|(file, _)| file).collect();
+        unseen.into_iter().for_each(|file| self.set_visible(file, false));
         Ok(())
     }
 
-    /// What was opened, at first and since.
-    pub fn inputs(&self) -> &[OsString] {
-        &self.inputs
+    /// Inputs that come to what is shown: as they were given where nothing of theirs is hidden or removed, else file by
+    /// file. `is_path`: only files and folders, no lists and patterns.
+    pub fn shown_inputs(&self, is_path: bool) -> Vec<OsString> {
+        let files = self.about.as_ref().map_or(&[][..], |about| &about.files);
+        if files.is_empty() {
+            return self.given.iter().map(|given| given.word.clone()).collect();
+        }
+        let seen = |file: &&FileAbout| file.shown && !file.is_removed;
+        let mut left: HashSet<&Path> = files.iter().filter(seen).map(|file| &*file.path).collect();
+        let unseen: HashSet<&Path> =
+            files.iter().map(|file| &*file.path).filter(|path| !left.contains(path)).collect();
+        let mut words = Vec::new();
+        for Given { word, files } in &self.given {
+            let is_whole = !files.iter().any(|path| unseen.contains(&**path));
+            let is_new = files.iter().any(|path| left.contains(&**path));
+            if is_whole && is_new && (!is_path || Path::new(word).exists()) {
+                words.push(word.clone());
+                for path in files {
+                    left.remove(&**path);
+                }
+            }
+        }
+        let rest = files.iter().filter(|file| left.contains(&*file.path));
+        words.extend(rest.map(|file| file.path.clone().into_os_string()));
+        words
+    }
+
+    /// Files in the list that are not shown.
+    pub fn hidden_files(&self) -> impl Iterator<Item = &Path> {
+        let files = self.about.iter().flat_map(|about| &about.files);
+        files.filter(|file| !file.shown && !file.is_removed).map(|file| &*file.path)
+    }
+
+    /// Whether other files are shown than were opened first: what was chosen by those is not what these would choose.
+    pub fn shows_others(&self) -> bool {
+        let is_first = |file: &FileAbout| file.source < self.first_files && file.shown && !file.is_removed;
+        self.about.as_ref().is_some_and(|about| !about.files.iter().all(is_first))
+    }
+
+    /// How files are read.
+    pub fn options(&self) -> &ReadOptions {
+        &self.options
+    }
+
+    /// Files that are not shown, and why.
+    pub fn refused(&self) -> &[Refused] {
+        &self.refused
+    }
+
+    /// Takes a file from the list of those that are not shown.
+    pub fn dismiss(&mut self, refused: usize) {
+        if refused < self.refused.len() {
+            self.refused.remove(refused);
+        }
+    }
+
+    /// What is to be told to the user since the last time.
+    pub fn take_notices(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.notices)
+    }
+
+    /// Whether nothing is open, nor is to be.
+    pub fn is_empty(&self) -> bool {
+        self.given.is_empty() && self.pending.is_empty()
     }
 
     /// What is known of the data; `None` until headers and the opening sample are read.
@@ -586,12 +811,28 @@ impl Data {
         self.is_complete = false;
     }
 
+    /// Takes a file from the list; it is not shown any more.
+    pub fn remove(&mut self, file: usize) {
+        self.set_visible(file, false);
+        if let Some(file) = self.about.as_mut().and_then(|about| about.files.get_mut(file)) {
+            file.is_removed = true;
+        }
+    }
+
+    /// Whether every file was taken from the list.
+    pub fn is_emptied(&self) -> bool {
+        let is_removed = |about: &DataAbout| about.files.iter().all(|file| file.is_removed);
+        self.pending.is_empty() && self.about.as_ref().is_some_and(is_removed)
+    }
+
     /// Adds inputs, such as files that were dropped. Those that are there already are left alone.
     pub fn add(&mut self, inputs: Vec<OsString>) {
-        let is_first = self.inputs.is_empty();
-        self.inputs.extend(inputs.iter().cloned());
+        if inputs.is_empty() {
+            return;
+        }
         self.is_complete = false;
-        if is_first {
+        if self.about.is_none() && self.pending.is_empty() {
+            self.failed = None;
             self.open_aside(inputs, Vec::new(), Purpose::First);
         } else {
             self.open_more(inputs);
@@ -600,7 +841,7 @@ impl Data {
 
     fn open_more(&mut self, inputs: Vec<OsString>) {
         let files = self.about.iter().flat_map(|about| &about.files);
-        let known = files.map(|file| file.path.clone()).collect();
+        let known = files.filter(|file| !file.is_removed).map(|file| file.path.clone()).collect();
         self.open_aside(inputs.clone(), known, Purpose::More(inputs));
     }
 
@@ -612,8 +853,13 @@ impl Data {
         let (send, opening) = crossbeam_channel::bounded(1);
         let (options, wake) = (self.options.clone(), Arc::clone(&self.wake));
         std::thread::spawn(move || {
-            let mut problems = Problems::default();
+            let (mut problems, mut fates) = (Problems::default(), Fates::new());
             let mut found = inputs::expand(&inputs);
+            let given = match &inputs[..] {
+                [only] => vec![Given { word: only.clone(), files: found.files.clone() }],
+                many => many.iter().map(Given::of).collect(),
+            };
+            let refused = found.failed.iter().map(Refused::input).collect();
             let is_known = !found.files.is_empty() && found.files.iter().all(|path| known.contains(path));
             found.files.retain(|path| !known.contains(path));
             if is_again {
@@ -631,12 +877,12 @@ impl Data {
                 cache: options.cache,
                 quiet: true,
             };
-            let opened = match is_known {
+            let opening = match is_known {
                 true => Err(LoadError::Nothing("all of it is open already")),
-                false => load::open(&found.files, &options, &mut problems),
+                false => load::open_and_tell(&found.files, &options, &mut problems, &mut fates),
             };
             // The window may be gone.
-            let _ = send.send((opened, problems));
+            let _ = send.send(Opened { opening, problems, given, fates, refused });
             wake();
         });
         self.pending.push(OpeningFiles { opening, purpose, is_of_world });
@@ -668,14 +914,15 @@ impl Data {
         // Chunks that nothing lacks now are not needed.
         let lacking = progress.lacking as f64 / progress.chunks.max(1) as f64;
         let files = self.about.as_ref().map_or(&[][..], |about| &about.files);
-        let shown = files.iter().filter(|file| file.shown && !file.is_gone).count();
+        let shown = files.iter().filter(|file| file.is_seen()).count();
+        let all = files.iter().filter(|file| !file.is_removed).count();
         let is_again = |pending: &OpeningFiles| matches!(pending.purpose, Purpose::Again(_));
         DataStatus {
             points: progress.points,
             points_read: progress.points_seen,
             share_read: 1.0 - lacking,
             kinds: self.kinds.clone(),
-            files: [shown, files.len()].map(|n| n as u64),
+            files: [shown, all].map(|n| n as u64),
             is_opening: self.pending.iter().any(|pending| !is_again(pending)),
             sections_wanted: now.wanted as u64,
             sections_resident: now.ready as u64,
@@ -698,7 +945,42 @@ fn access(gpu: &Gpu, budget: u64) -> Access {
     Access::best(gpu, budget / 2)
 }
 
-fn file_about(input: &OpenInput) -> FileAbout {
+impl Given {
+    fn of(word: &OsString) -> Given {
+        Given { word: word.clone(), files: inputs::expand([word]).files }
+    }
+}
+
+impl Opened {
+    fn failed(why: &'static str) -> Opened {
+        Opened {
+            opening: Err(LoadError::Nothing(why)),
+            problems: Problems::default(),
+            given: Vec::new(),
+            fates: Fates::new(),
+            refused: Vec::new(),
+        }
+    }
+}
+
+/// What is known of files that are shown; `fates`: what became of all that were opened with them.
+fn files_about(opening: &Opening, fates: &Fates) -> impl Iterator<Item = FileAbout> {
+    let has_rgb = opening.about.summary.colored > 0;
+    let treatments: HashMap<_, _> = fates
+        .iter()
+        .filter_map(|(path, fate)| match fate {
+            Fate::Shown(treatment) => Some((path.as_path(), treatment)),
+            Fate::LeftOut(_) | Fate::Failed(_) => None,
+        })
+        .collect();
+    opening.inputs.iter().map(move |input| {
+        let treatment = treatments.get(input.input.file.path()).copied().cloned().unwrap_or_default();
+        file_about(input, has_rgb, treatment)
+    })
+}
+
+/// `has_rgb`: those that it was opened with have colours.
+fn file_about(input: &OpenInput, has_rgb: bool, treatment: Treatment) -> FileAbout {
     let file = &input.input.file;
     FileAbout {
         path: file.path().to_owned(),
@@ -706,6 +988,11 @@ fn file_about(input: &OpenInput) -> FileAbout {
         shown: true,
         is_gone: false,
         system: input.system.clone(),
+        is_removed: false,
+        treatment,
+        damage: None,
+        has_rgb: has_rgb && sample::has_rgb(file),
+        hull: input.hull.clone(),
         source: 0,
         stamp: Some((file.bytes.len(), file.bytes.modified())),
     }

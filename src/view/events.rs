@@ -1,21 +1,21 @@
 //! What the window tells: keys, mouse, sizes and files that are dropped.
 
 use super::input::{self, Action, Move};
-use super::options::WindowOptions;
+use super::overlay;
 use super::viewer::Viewer;
 use std::time::Instant;
 use winit::dpi::PhysicalSize;
-use winit::event::{ElementState, MouseScrollDelta, WindowEvent};
+use winit::event::{ElementState, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::keyboard::PhysicalKey;
 
 impl Viewer {
     /// Answers an event of the window, but for redraws and the end.
-    pub fn event(&mut self, options: &WindowOptions, event: WindowEvent) -> anyhow::Result<()> {
+    pub fn event(&mut self, event: WindowEvent) -> anyhow::Result<()> {
         let is_tab = matches!(&event, WindowEvent::KeyboardInput { event, .. }
             if event.physical_key == PhysicalKey::Code(winit::keyboard::KeyCode::Tab));
         // The toolkit would walk through its widgets.
-        let repaint =
-            (!is_tab || self.panel.is_typing()) && self.toolkit.on_window_event(&self.window, &event).repaint;
+        let repaint = (!is_tab || self.panel.boxes.is_typing())
+            && self.toolkit.on_window_event(&self.window, &event).repaint;
         if repaint {
             self.window.request_redraw();
         }
@@ -42,7 +42,16 @@ impl Viewer {
                     self.go(by)?;
                 }
             }
-            WindowEvent::CursorLeft { .. } => self.input.left(),
+            WindowEvent::CursorLeft { .. } => {
+                self.input.left();
+                // What is told of the place under it is of the middle now.
+                self.window.request_redraw();
+            }
+            WindowEvent::MouseInput { state: ElementState::Pressed, button: MouseButton::Left, .. }
+                if self.is_over_image() && self.is_over_compass() =>
+            {
+                self.act(Action::NorthUp)?;
+            }
             WindowEvent::MouseInput { state: ElementState::Pressed, button, .. } if self.is_over_image() => {
                 if let Some(by) = self.input.pressed(button, Instant::now()) {
                     self.go(by)?;
@@ -69,7 +78,7 @@ impl Viewer {
                 let control = self.modifiers.control_key() || self.modifiers.super_key();
                 if down && self.is_typing() {
                     if key == winit::keyboard::KeyCode::Escape {
-                        self.act(options, Action::Escape)?;
+                        self.act(Action::Escape)?;
                     }
                     return Ok(());
                 }
@@ -79,7 +88,7 @@ impl Viewer {
                     && !event.repeat
                     && let Some(action) = input::action(key, control, self.modifiers.shift_key())
                 {
-                    self.act(options, action)?;
+                    self.act(action)?;
                 }
             }
             _ => {}
@@ -96,7 +105,7 @@ impl Viewer {
 
     /// Whether keys are letters of a text.
     fn is_typing(&self) -> bool {
-        self.panel.is_typing() || self.context.egui_wants_keyboard_input()
+        self.panel.boxes.is_typing() || self.context.egui_wants_keyboard_input()
     }
 
     /// A place in the window, in pixels, from the image's corner.
@@ -105,11 +114,21 @@ impl Viewer {
         [x - f64::from(corner.x), y - f64::from(corner.y)]
     }
 
+    /// Where the cursor is, points.
+    fn cursor_at(&self) -> Option<egui::Pos2> {
+        let [x, y] = self.input.cursor()?;
+        Some(self.canvas.area.rect.min + egui::vec2(x as f32, y as f32) / self.context.pixels_per_point())
+    }
+
     fn is_over_image(&self) -> bool {
-        let Some(cursor) = self.input.cursor() else { return false };
-        let at = self.canvas.area.rect.min
-            + egui::vec2(cursor[0] as f32, cursor[1] as f32) / self.context.pixels_per_point();
+        let Some(at) = self.cursor_at() else { return false };
         let is_free = self.context.layer_id_at(at).is_none_or(|layer| layer.order == egui::Order::Background);
         self.canvas.area.rect.contains(at) && is_free
+    }
+
+    /// Over the compass, while there is one.
+    fn is_over_compass(&self) -> bool {
+        let (middle, radius) = overlay::compass(self.canvas.area);
+        self.navigation.is_framed() && self.cursor_at().is_some_and(|at| at.distance(middle) <= radius)
     }
 }

@@ -8,8 +8,7 @@ use super::state::{self, State};
 use super::timing::ShownFrame;
 use super::viewer::Viewer;
 use crate::gpu::Drawing;
-use std::ffi::OsString;
-use std::path::PathBuf;
+use crate::render::camera::Projection;
 use std::time::{Duration, Instant};
 
 /// How long the device may still work at the frame before the last, until the window looks after its events again.
@@ -21,7 +20,7 @@ impl Viewer {
     /// Draws a frame; `true` when the window is to be closed.
     pub(super) fn draw(&mut self, options: &WindowOptions) -> anyhow::Result<bool> {
         let begun = Instant::now();
-        self.take_dropped();
+        self.take_dropped(options)?;
         // Events are looked after while the device is behind.
         if !self.data.scene_mut().order.has_free_frame(PATIENCE)? {
             self.redraw.late(Instant::now() + SOON);
@@ -32,10 +31,10 @@ impl Viewer {
         self.navigation.fly(by, (&self.data, &self.settings, &self.canvas));
         let step = self.play(options)?;
 
-        let mut interface = self.lay_out()?;
+        let mut interface = self.lay_out(options)?;
         let freed = std::mem::take(&mut interface.freed_textures);
         if !self.navigation.is_framed() && self.data.about().is_some() && !self.canvas.size().contains(&0) {
-            self.frame_data(options)?;
+            self.frame_data()?;
         }
         // An image that is being saved stays as it was begun.
         if self.saving.is_none() {
@@ -44,6 +43,9 @@ impl Viewer {
             self.notify("The picture is being saved: the change comes after it");
         }
 
+        if self.saving.is_none() {
+            self.navigation.keep_before(&self.data, &self.settings);
+        }
         let is_outdated = self.redraw.take_outdated();
         let has_more = self.plan_image(is_outdated)?;
         self.redraw.planned(has_more);
@@ -110,10 +112,14 @@ impl Viewer {
     }
 
     /// The first view of the data.
-    fn frame_data(&mut self, options: &WindowOptions) -> anyhow::Result<()> {
-        if self.navigation.first_view(options, (&self.data, &self.settings, &self.canvas))? {
-            if let (None, Some(about)) = (options.color, self.data.about()) {
+    fn frame_data(&mut self) -> anyhow::Result<()> {
+        let seen = (&self.data, &self.settings, &self.canvas);
+        if self.navigation.first_view(&self.view, seen)? {
+            if let (None, Some(about)) = (self.view.color, self.data.about()) {
                 self.settings.color = about.color;
+                if let Some(scale) = self.settings.scale_mut() {
+                    (scale.ramp, scale.range) = (self.view.ramp, self.view.range);
+                }
             }
             self.window.request_redraw();
         }
@@ -145,8 +151,16 @@ impl Viewer {
                 is_copied = saving.record(&mut self.data, (&mut commands, slot), self.canvas.rows())?;
             }
             let cursor = self.input.cursor();
-            if self.canvas.ask(&mut self.data, (&mut commands, slot), cursor, is_copied)? {
+            let is_toggling = self.navigation.is_toggling();
+            let what = (is_toggling, is_copied);
+            if self.canvas.ask(&mut self.data, (&mut commands, slot), cursor, what)? {
                 self.redraw.asks(true);
+            } else if is_toggling && !is_copied && !self.canvas.awaits_middle() {
+                // It was answered before, or there is nothing to ask.
+                let camera = &self.navigation.camera;
+                let middle = self.canvas.middle(camera).and_then(|pick| pick.point).map(|point| point.shown);
+                self.navigation.toggle(middle, (&self.data, &self.settings, &self.canvas));
+                self.window.request_redraw();
             }
         }
         let pixels_per_point = interface.pixels_per_point;
@@ -191,7 +205,7 @@ impl Viewer {
     }
 
     /// Everything has come and the image is finished.
-    fn log_settled(&self) {
+    fn log_settled(&mut self) {
         let ([width, height], status) = (self.canvas.size(), self.data.status());
         if let Some(why) = &status.failed {
             self.log.line(format_args!("failed {why}"));
@@ -203,6 +217,14 @@ impl Viewer {
             self.log.line(format_args!("hidden {why}"));
         }
         let camera = &self.navigation.camera;
+        match camera.projection() {
+            Projection::Perspective { fov } => {
+                self.log.state("projection", format_args!("perspective {fov}"));
+            }
+            Projection::Orthographic { units_per_pixel } => {
+                self.log.state("projection", format_args!("parallel {units_per_pixel}"));
+            }
+        }
         let (eye, [azimuth, elevation]) = (camera.eye(), camera.angles());
         self.log.line(format_args!(
             "settled {width}x{height} eye {:.2},{:.2},{:.2} look {azimuth:.2},{elevation:.2} sections {} buffers {}",
@@ -212,18 +234,5 @@ impl Viewer {
             status.sections_resident,
             self.gpu.allocated_bytes()
         ));
-    }
-
-    /// Files that were dropped onto the window: views and data.
-    fn take_dropped(&mut self) {
-        let is_view = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
-        let (views, data): (Vec<_>, Vec<_>) =
-            std::mem::take(&mut self.dropped).into_iter().partition(is_view);
-        if let Some(view) = views.last() {
-            self.open_view(view);
-        }
-        if !data.is_empty() {
-            self.data.add(data.into_iter().map(OsString::from).collect());
-        }
     }
 }

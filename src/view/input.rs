@@ -22,6 +22,10 @@ pub enum Action {
     FrameAll,
     /// A standard view.
     Standard(Standard),
+    /// Parallel rays, or from the eye.
+    ToggleProjection,
+    /// North comes up.
+    NorthUp,
     /// The view before.
     Back,
     /// Asks for coordinates.
@@ -30,8 +34,8 @@ pub enum Action {
     SaveImage,
     /// Writes the view.
     SaveView,
-    /// Asks for a view to read.
-    OpenView,
+    /// Asks for what is to be opened: files, a folder or a view.
+    Open,
     /// Copies the command line that draws this.
     CopyCommand,
     /// Copies the coordinates of what was clicked on, or lies under the cursor.
@@ -51,7 +55,7 @@ pub enum Action {
 }
 
 /// The list of keys: what they do, and the keys.
-pub const KEYS: [(&str, &str); 23] = [
+pub const KEYS: [(&str, &str); 26] = [
     ("Left drag", "orbit around the point under the cursor"),
     ("Right drag", "pan"),
     ("Wheel", "zoom to the cursor"),
@@ -61,20 +65,23 @@ pub const KEYS: [(&str, &str); 23] = [
     ("Q E", "fly down, up"),
     ("… and drag", "look around while flying"),
     ("… and wheel", "flying speed; Shift: four times as fast"),
-    ("F", "frame all"),
-    ("1 … 6", "from above; looking north, east, south, west; oblique"),
+    ("F", "frame all that is shown"),
+    ("1 … 5", "parallel: from above, to the north, east, south, west"),
+    ("6", "oblique, in perspective"),
+    ("O", "parallel or perspective"),
     ("Backspace", "the view before"),
     ("G", "go to coordinates"),
     ("C", "next colour mode"),
     ("B", "bridge small holes"),
     ("L", "light, or plain colours"),
     ("Tab", "panel"),
-    ("P", "save the picture"),
-    ("Ctrl+S, Ctrl+O", "save, open a view"),
+    ("P", "save the picture; from above, parallel: with its place"),
+    ("Ctrl+S", "save the view: files, camera, colours, layers"),
+    ("Ctrl+O", "open files, a folder or a saved view (or drop them)"),
     ("Ctrl+C", "copy the command that draws this view"),
     ("Ctrl+Shift+C", "copy E, N, U of the kept point, or under the cursor"),
+    ("Click on N", "turn north up"),
     ("? or F1", "this list"),
-    ("Drop files", "add them; a .json is opened as a view"),
 ];
 
 /// What a key that went down does; `control`: with Ctrl, on macOS Command.
@@ -83,7 +90,7 @@ pub fn action(key: KeyCode, control: bool, shift: bool) -> Option<Action> {
     if control {
         return match key {
             KeyCode::KeyS => Some(Action::SaveView),
-            KeyCode::KeyO => Some(Action::OpenView),
+            KeyCode::KeyO => Some(Action::Open),
             KeyCode::KeyC if shift => Some(Action::CopyPoint),
             KeyCode::KeyC => Some(Action::CopyCommand),
             _ => None,
@@ -97,6 +104,7 @@ pub fn action(key: KeyCode, control: bool, shift: bool) -> Option<Action> {
         KeyCode::Digit4 | KeyCode::Numpad4 => standard(3),
         KeyCode::Digit5 | KeyCode::Numpad5 => standard(4),
         KeyCode::Digit6 | KeyCode::Numpad6 => standard(5),
+        KeyCode::KeyO => Some(Action::ToggleProjection),
         KeyCode::Backspace => Some(Action::Back),
         KeyCode::KeyG => Some(Action::GoTo),
         KeyCode::KeyP => Some(Action::SaveImage),
@@ -352,6 +360,8 @@ mod tests {
         assert_eq!(action(KeyCode::Digit1, false, false), Some(Action::Standard(Standard::Top)));
         assert_eq!(action(KeyCode::Numpad6, false, false), Some(Action::Standard(Standard::Oblique)));
         assert_eq!(action(KeyCode::KeyS, true, false), Some(Action::SaveView));
+        assert_eq!(action(KeyCode::KeyO, true, false), Some(Action::Open));
+        assert_eq!(action(KeyCode::KeyO, false, false), Some(Action::ToggleProjection));
         assert_eq!(action(KeyCode::KeyS, false, false), None, "it flies");
         assert_eq!(action(KeyCode::KeyC, true, false), Some(Action::CopyCommand));
         assert_eq!(action(KeyCode::KeyC, true, true), Some(Action::CopyPoint));

@@ -1,7 +1,8 @@
 //! The toolkit's part of a frame: panel, status bar, boxes, and what is drawn over the image.
 
 use super::data::DataStatus;
-use super::overlay::{self, ImageArea};
+use super::options::WindowOptions;
+use super::overlay::{self, ImageArea, ScalePlace};
 use super::panel::{PanelContent, PanelRequests};
 use super::settings::{SAMPLES, Settings};
 use super::state::State;
@@ -28,12 +29,14 @@ pub struct UserInterface {
 struct ImageOverlay<'a> {
     /// Where it sees the data.
     camera: Option<&'a Camera>,
-    /// What lies under the cursor.
-    pick: Option<PickedPoint>,
     /// What was clicked on.
     kept: Option<DVec3>,
+    /// Where a scale holds.
+    scale: Option<ScalePlace>,
     /// A line of words.
     notice: Option<&'a str>,
+    /// Nothing is open.
+    is_free: bool,
     /// Nothing is seen of the data.
     is_empty: bool,
     /// Pixels of the image before this frame.
@@ -41,8 +44,16 @@ struct ImageOverlay<'a> {
 }
 
 impl ImageOverlay<'_> {
-    fn paint(&self, painter: &Painter, rect: Rect, settings: &Settings, content: &PanelContent) {
+    /// Gives the words of the scale bar.
+    fn paint(
+        &self,
+        painter: &Painter,
+        rect: Rect,
+        settings: &Settings,
+        content: &PanelContent,
+    ) -> Option<String> {
         let area = ImageArea { rect, size: self.size };
+        let mut scale = None;
         if let (Some(camera), Some(about)) = (self.camera, content.about) {
             if self.is_empty {
                 let bounds = about.bounds.exaggerated(settings.z_scale, about.bounds.min.z);
@@ -50,16 +61,21 @@ impl ImageOverlay<'_> {
             }
             self.kept.inspect(|&kept| overlay::mark(painter, area, camera, kept));
             overlay::north_arrow(painter, area, camera);
-            let middle = self.pick.map_or(camera.target(), |point| point.shown);
             let unit = about.unit.as_ref().map(|unit| unit.symbol());
-            overlay::scale_bar(painter, area, camera, middle, unit);
+            scale = self.scale.and_then(|place| overlay::scale_bar(painter, area, camera, place, unit));
+        }
+        if self.is_free {
+            overlay::invitation(painter, area);
         }
         if let Some(words) = self.notice {
             overlay::notice(painter, area, words);
         }
-        if let Some((words, share)) = content.going_on.over_image(content.status).filter(|_| self.is_empty) {
+        if let Some((words, share)) =
+            content.going_on.over_image(content.status).filter(|_| self.is_empty && !self.is_free)
+        {
             progress(painter, rect, words, share);
         }
+        scale
     }
 }
 
@@ -71,7 +87,7 @@ impl Viewer {
     }
 
     /// Runs the toolkit, and does what was asked for in the panel.
-    pub(super) fn lay_out(&mut self) -> anyhow::Result<UserInterface> {
+    pub(super) fn lay_out(&mut self, options: &WindowOptions) -> anyhow::Result<UserInterface> {
         let raw = self.toolkit.take_egui_input(&self.window);
         let status = self.data.status();
         let kept = self.canvas.kept();
@@ -86,26 +102,33 @@ impl Viewer {
             is_kept: kept.is_some(),
             going_on,
             state: self.state(going_on, &status),
+            refused: self.data.refused(),
+            is_empty: self.data.is_empty(),
         };
         self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
         let notice = self.notice.as_ref().map(|(words, _)| &words[..]);
+        let camera = self.navigation.is_framed().then_some(&self.navigation.camera);
+        let at_cursor = self.canvas.pick().and_then(|(pick, _)| pick.point).map(|point| point.shown);
+        let in_middle =
+            |camera| self.canvas.middle(camera).and_then(|pick| pick.point).map(|point| point.shown);
         let over = ImageOverlay {
-            camera: self.navigation.is_framed().then_some(&self.navigation.camera),
-            pick: self.canvas.pick().and_then(|(pick, _)| pick.point),
+            camera,
+            scale: camera.and_then(|camera| ScalePlace::of(camera, at_cursor, in_middle(camera))),
             kept: self
                 .data
                 .about()
                 .and_then(|about| self.canvas.kept_place(self.settings.z_scale, about.bounds.min.z)),
             notice: status.failed.as_deref().or(notice),
+            is_free: content.is_empty,
             is_empty,
             size: self.canvas.size(),
         };
         let (panel, settings, context) = (&mut self.panel, &mut self.settings, self.context.clone());
-        let (mut requests, mut rect) = (PanelRequests::default(), Rect::ZERO);
+        let (mut requests, mut rect, mut scale) = (PanelRequests::default(), Rect::ZERO, None);
         let output = context.run_ui(raw, |ui| {
             requests = panel.show(ui, settings, &content);
             rect = ui.available_rect_before_wrap();
-            over.paint(&ui.painter().with_clip_rect(rect), rect, settings, &content);
+            scale = over.paint(&ui.painter().with_clip_rect(rect), rect, settings, &content);
         });
         let egui::FullOutput {
             platform_output,
@@ -119,7 +142,8 @@ impl Viewer {
         let side = |low: f32, high: f32| (high.round() - low.round()).max(0.0) as u32;
         let size = [side(scaled.left(), scaled.right()), side(scaled.top(), scaled.bottom())];
         self.canvas.area = ImageArea { rect, size };
-        self.answer(requests, pixels_per_point);
+        self.log.state("scale", format_args!("{}", scale.as_deref().unwrap_or("none")));
+        self.answer(options, requests, pixels_per_point)?;
         self.textures.change(std::mem::take(&mut textures_delta.set))?;
         Ok(UserInterface {
             pixels_per_point,
@@ -130,20 +154,30 @@ impl Viewer {
     }
 
     /// Does what was asked for in the panel.
-    fn answer(&mut self, requests: PanelRequests, pixels_per_point: f32) {
-        self.log.checks(requests.checks, pixels_per_point);
-        if let Some((file, is_shown)) = requests.file {
-            self.log.line(format_args!("file {file} {}", if is_shown { "shown" } else { "hidden" }));
-            self.data.set_visible(file, is_shown);
+    fn answer(
+        &mut self,
+        options: &WindowOptions,
+        requests: PanelRequests,
+        pixels_per_point: f32,
+    ) -> anyhow::Result<()> {
+        self.log.places(requests.places, pixels_per_point);
+        if let Some((rect, is_whole)) = requests.keys {
+            let [left, top, right, bottom] = [rect.left(), rect.top(), rect.right(), rect.bottom()];
+            let whole = if is_whole { "whole" } else { "scrolled" };
+            self.log.state("keys", format_args!("{whole} {left:.0} {top:.0} {right:.0} {bottom:.0}"));
+        }
+        if let Some(request) = requests.file {
+            self.do_with_file(request)?;
         }
         if let Some(place) = requests.go_to
-            && self.navigation.go_to(place, &self.data, &self.settings)
+            && self.navigation.go_to(place, (&self.data, &self.settings, &self.canvas))
         {
             self.window.request_redraw();
         }
-        if let Some(path) = requests.open {
-            self.open_view(&path);
+        if let Some(request) = requests.open {
+            self.open(options, request)?;
         }
+        Ok(())
     }
 
     /// What is going on, in short.

@@ -1,13 +1,17 @@
 //! One line on standard output for each thing that happens, for tests.
 
+use std::collections::BTreeMap;
+
 /// See the module; off unless asked for.
 #[derive(Default)]
 pub struct EventLog {
     is_on: bool,
     /// Pixels of the window in the last frame.
     window_size: [u32; 2],
-    /// Where the checks of files are, as told last.
-    checks: Vec<(usize, egui::Pos2)>,
+    /// Where the parts of the panel are that can be clicked, as told last.
+    places: Vec<(String, egui::Pos2)>,
+    /// The last line of each thing that is told only when it changes.
+    states: BTreeMap<&'static str, String>,
 }
 
 impl EventLog {
@@ -31,14 +35,25 @@ impl EventLog {
         }
     }
 
-    /// Where the checks of files lie, points; told where they are others than before.
-    pub fn checks(&mut self, checks: Vec<(usize, egui::Pos2)>, pixels_per_point: f32) {
-        if self.is_on && checks != self.checks {
-            for (file, at) in &checks {
+    /// Where parts of the panel lie that can be clicked, points; told where they are others than before.
+    pub fn places(&mut self, places: Vec<(String, egui::Pos2)>, pixels_per_point: f32) {
+        if self.is_on && places != self.places {
+            for (name, at) in &places {
                 let at = *at * pixels_per_point;
-                self.line(format_args!("check {file} {:.0} {:.0}", at.x, at.y));
+                self.line(format_args!("{name} {:.0} {:.0}", at.x, at.y));
             }
-            self.checks = checks;
+            self.places = places;
+        }
+    }
+
+    /// How a thing is now; told where it is not as it was.
+    pub fn state(&mut self, name: &'static str, state: std::fmt::Arguments) {
+        if self.is_on {
+            let state = state.to_string();
+            if self.states.get(name) != Some(&state) {
+                self.line(format_args!("{name} {state}"));
+                self.states.insert(name, state);
+            }
         }
     }
 }

@@ -5,9 +5,13 @@
 //! takes what has come, `layout` and `frame` draw, `events` and `actions` answer the user; here they are tied to the event loop.
 
 mod actions;
+mod boxes;
 mod canvas;
+mod color_part;
 pub mod data;
 mod events;
+mod fates;
+mod file_list;
 mod flight;
 mod frame;
 mod input;
@@ -24,6 +28,7 @@ mod panel;
 mod pick;
 mod pipelines;
 mod redraw;
+mod remarks;
 mod save;
 mod saving;
 mod settings;
@@ -33,14 +38,16 @@ mod timing;
 mod toolkit;
 mod viewer;
 pub mod watch;
+mod widgets;
 
-pub use options::WindowOptions;
+pub use options::{OpenedView, ViewOptions, WindowOptions};
+pub use viewer::NoWindow;
 
 use crate::problems::Problems;
 use anyhow::Context as _;
 use std::sync::Arc;
 use std::time::Instant;
-use viewer::{NO_WINDOW, Viewer};
+use viewer::Viewer;
 use winit::application::ApplicationHandler;
 use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
@@ -56,7 +63,7 @@ enum WakeEvent {
 /// `problems`.
 pub fn run(options: WindowOptions, problems: &mut Problems) -> anyhow::Result<()> {
     let started = Instant::now();
-    let events = EventLoop::<WakeEvent>::with_user_event().build().context(NO_WINDOW)?;
+    let events = EventLoop::<WakeEvent>::with_user_event().build().context(NoWindow)?;
     let proxy = events.create_proxy();
     let quit = proxy.clone();
     // The loop may be gone already.
@@ -145,7 +152,7 @@ impl ApplicationHandler<WakeEvent> for App {
                     events.exit();
                 }
             }),
-            event => viewer.event(&self.options, event),
+            event => viewer.event(event),
         };
         self.end(events, result);
     }

@@ -1,6 +1,6 @@
 //! Moves of the camera. Pure, in world coordinates, without roll.
 
-use crate::coords::Bounds;
+use crate::coords::{Bounds, Hull};
 use crate::render::camera::{Camera, CameraError, Projection};
 use glam::DVec3;
 
@@ -11,6 +11,10 @@ const STEEPEST: f64 = 89.9;
 const NEAREST: f64 = 1e-6;
 /// Farthest from the data, in its lengths.
 const FARTHEST: f64 = 50.0;
+/// Shares of the data's length that a pixel of a parallel view may be wide.
+const PIXELS: [f64; 2] = [1e-9, 0.05];
+/// Share of the image that framed data fill in a parallel view.
+const FILL: f64 = 0.96;
 
 /// Views that a key calls up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +49,73 @@ impl Standard {
             Standard::Oblique => crate::render::camera::DEFAULT_ORBIT,
         }
     }
+
+    /// Whether rays are parallel: of all but the oblique one.
+    pub fn is_parallel(self) -> bool {
+        self != Standard::Oblique
+    }
+}
+
+/// Whether rays are parallel.
+pub fn is_parallel(projection: Projection) -> bool {
+    matches!(projection, Projection::Orthographic { .. })
+}
+
+/// A camera that shows all of `hull` from `angles`. A parallel one gets the scale that this takes.
+pub fn framing(
+    hull: &Hull,
+    angles: [f64; 2],
+    projection: Projection,
+    size: [u32; 2],
+) -> Result<Camera, CameraError> {
+    let camera = Camera::frame_hull(hull, angles, projection, size)?;
+    if !is_parallel(projection) {
+        return Ok(camera);
+    }
+    let [width, height] = size.map(|side| f64::from(side) * FILL);
+    let fit = (hull.extent(camera.right()) / width).max(hull.extent(camera.up()) / height);
+    // A lone point is framed as a box of one unit.
+    let units_per_pixel = if fit > 0.0 { fit } else { 1.0 / width.min(height) };
+    Camera::frame_hull(hull, angles, Projection::Orthographic { units_per_pixel }, size)
+}
+
+/// A parallel camera that has all of `bounds` before it, as rays start at its eye; what it sees of them is the same.
+pub fn before_all(camera: &Camera, bounds: &Bounds) -> Result<Camera, CameraError> {
+    if !is_parallel(camera.projection()) {
+        return Ok(*camera);
+    }
+    let depth = |corner: DVec3| (corner - camera.eye()).dot(camera.forward());
+    let nearest = bounds.corners().map(depth).into_iter().fold(f64::INFINITY, f64::min);
+    let room = 0.05 * bounds.size().length();
+    if nearest >= 0.0 {
+        return Ok(*camera);
+    }
+    let distance = (camera.target() - camera.eye()).length() + room - nearest;
+    Camera::orbit(camera.target(), angles(camera), distance, camera.projection())
+}
+
+/// From perspective to parallel and back: what is `depth` before the eye in the middle of the image stays there, as large
+/// as it is. `fov`: of perspectives, degrees.
+pub fn toggled(camera: &Camera, depth: f64, fov: f64, [_, height]: [u32; 2]) -> Result<Camera, CameraError> {
+    let place = camera.eye() + camera.forward() * depth;
+    let span = |fov: f64| 2.0 * (fov.to_radians() * 0.5).tan() / f64::from(height);
+    let (distance, projection) = match camera.projection() {
+        Projection::Perspective { fov } => {
+            (depth, Projection::Orthographic { units_per_pixel: span(fov) * depth })
+        }
+        Projection::Orthographic { units_per_pixel } => {
+            (units_per_pixel / span(fov), Projection::Perspective { fov })
+        }
+    };
+    Camera::orbit(place, angles(camera), distance, projection)
+}
+
+/// Turns about the target until north is up; what looks down nearly straight looks down straight.
+pub fn north_up(camera: &Camera) -> Result<Camera, CameraError> {
+    let [_, elevation] = camera.angles();
+    let elevation = if elevation > STEEPEST - 1e-3 { 90.0 } else { elevation.clamp(-90.0, 90.0) };
+    let distance = (camera.target() - camera.eye()).length();
+    Camera::orbit(camera.target(), [0.0, elevation], distance, camera.projection())
 }
 
 /// Direction of the ray through `at` (shares of the image's width and height); its part along the view is 1 for
@@ -128,6 +199,9 @@ pub fn pan(camera: &Camera, held: DVec3, pixels: [f64; 2], size: [u32; 2]) -> Re
 /// Brings the eye to `factor` times its distance from `place`, which stays where it is in the image.
 pub fn zoom(camera: &Camera, place: DVec3, factor: f64, bounds: &Bounds) -> Result<Camera, CameraError> {
     if let Projection::Orthographic { units_per_pixel } = camera.projection() {
+        let [least, most] = PIXELS.map(|share| share * length_of(bounds));
+        let to = (units_per_pixel * factor).clamp(least.min(units_per_pixel), most.max(units_per_pixel));
+        let factor = to / units_per_pixel;
         let projection = Projection::Orthographic { units_per_pixel: units_per_pixel * factor };
         let by = (place - camera.eye()) * (1.0 - factor);
         let across = by - camera.forward() * by.dot(camera.forward());
@@ -135,16 +209,20 @@ pub fn zoom(camera: &Camera, place: DVec3, factor: f64, bounds: &Bounds) -> Resu
         return Camera::orbit(camera.target() + across, angles(camera), distance, projection);
     }
     let away = (place - camera.eye()).length();
-    let length = match (bounds.max - bounds.min).length() {
-        0.0 => 1.0,
-        length => length,
-    };
+    let length = length_of(bounds);
     // What is out of the range already may still come back.
     let [least, most] = [(length * NEAREST).min(away), (length * FARTHEST).max(away)];
     let factor = (away * factor).clamp(least, most) / away.max(f64::MIN_POSITIVE);
     let eye = place + (camera.eye() - place) * factor;
     let distance = ((camera.target() - camera.eye()).length() * factor).max(length * NEAREST);
     Camera::orbit(eye + camera.forward() * distance, angles(camera), distance, camera.projection())
+}
+
+fn length_of(bounds: &Bounds) -> f64 {
+    match (bounds.max - bounds.min).length() {
+        0.0 => 1.0,
+        length => length,
+    }
 }
 
 /// Brings `place` to the middle of the image, as far away as it is.
@@ -277,10 +355,79 @@ mod tests {
         assert!(far > 1e4 && far < 1e6, "{far}");
     }
 
+    /// Shares of the image's height between two places as they are seen.
+    fn seen_size(camera: &Camera, place: DVec3) -> f64 {
+        let step = units_per_pixel(camera, place, SIZE);
+        1.0 / step
+    }
+
+    #[test]
+    fn the_other_projection_keeps_the_middle_and_its_size() {
+        for angles in [[0.0, 90.0], [35.0, 20.0], [120.0, -5.0]] {
+            let before = camera(angles, Projection::Perspective { fov: 40.0 });
+            for depth in [50.0, 800.0, 4000.0] {
+                let place = before.eye() + before.forward() * depth;
+                let parallel = toggled(&before, depth, 40.0, SIZE).unwrap();
+                let parallel = before_all(&parallel, &DATA).unwrap();
+                assert!(is_parallel(parallel.projection()));
+                let ahead = |corner: DVec3| (corner - parallel.eye()).dot(parallel.forward());
+                assert!(DATA.corners().into_iter().all(|corner| ahead(corner) >= 0.0));
+                let again = toggled(&parallel, ahead(place), 40.0, SIZE).unwrap();
+                for camera in [&parallel, &again] {
+                    assert!(apart(seen_at(camera, place, SIZE).unwrap(), [0.5, 0.5]) < 1e-3);
+                    assert!((seen_size(camera, place) / seen_size(&before, place) - 1.0).abs() < 1e-6);
+                    assert!((camera.forward() - before.forward()).length() < 1e-9);
+                }
+                assert!((again.eye() - before.eye()).length() < 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn north_comes_up_and_nothing_else_changes() {
+        for projection in [Projection::default(), Projection::Orthographic { units_per_pixel: 2.0 }] {
+            let before = camera([217.0, 30.0], projection);
+            let after = north_up(&before).unwrap();
+            let [azimuth, elevation] = after.angles();
+            assert!(azimuth == 0.0 && (elevation - 30.0).abs() < 1e-9);
+            assert!((after.target() - before.target()).length() < 1e-6);
+            assert_eq!(after.projection(), projection);
+            // A map that was turned by a drag is one again.
+            let turned = orbit(&camera([0.0, 90.0], projection), DATA.center(), [25.0, 0.0]).unwrap();
+            assert_eq!(north_up(&turned).unwrap().angles(), [0.0, 90.0]);
+        }
+    }
+
+    #[test]
+    fn a_parallel_view_has_its_eye_before_the_data_however_it_is_turned() {
+        let mut at = camera([0.0, 20.0], Projection::Orthographic { units_per_pixel: 0.1 });
+        let place = DATA.max;
+        for _ in 0..40 {
+            let turned = orbit(&at, place, [31.0, 3.0]).unwrap();
+            let moved = before_all(&turned, &DATA).unwrap();
+            for corner in DATA.corners() {
+                assert!((corner - moved.eye()).dot(moved.forward()) >= 0.0);
+                let [before, after] = [&turned, &moved].map(|camera| seen_at(camera, corner, SIZE).unwrap());
+                assert!(apart(before, after) < 0.05, "what is seen is the same");
+            }
+            at = moved;
+        }
+    }
+
     #[test]
     fn standard_views_show_all_of_the_data() {
         for standard in Standard::ALL {
-            let camera = camera(standard.angles(), Projection::default());
+            let projection = match standard.is_parallel() {
+                true => Projection::Orthographic { units_per_pixel: 1.0 },
+                false => Projection::default(),
+            };
+            let camera = framing(&Hull::from(&DATA), standard.angles(), projection, SIZE).unwrap();
+            let mut widest = 0.0f64;
+            for corner in DATA.corners() {
+                let [x, y] = seen_at(&camera, corner, SIZE).unwrap();
+                widest = widest.max(2.0 * (x - 0.5).abs()).max(2.0 * (y - 0.5).abs());
+            }
+            assert!(widest > 0.9 && widest <= 1.0, "{standard:?}: the data fill {widest}");
             for corner in [DATA.min, DATA.max, DATA.min.with_x(DATA.max.x), DATA.max.with_y(DATA.min.y)] {
                 let [x, y] = seen_at(&camera, corner, SIZE).unwrap();
                 assert!((0.0..=1.0).contains(&x) && (0.0..=1.0).contains(&y), "{standard:?} {x} {y}");

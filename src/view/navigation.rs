@@ -3,8 +3,8 @@
 use super::canvas::Canvas;
 use super::data::Data;
 use super::input::Move;
-use super::navigate;
-use super::options::WindowOptions;
+use super::navigate::{self, Standard};
+use super::options::ViewOptions;
 use super::settings::Settings;
 use crate::coords::Hull;
 use crate::render::camera::{Camera, CameraError, DEFAULT_ORBIT, Projection};
@@ -27,6 +27,10 @@ pub struct Navigation {
     pub camera: Camera,
     /// The camera shows the data.
     is_framed: bool,
+    /// Of perspectives, degrees.
+    fov: f64,
+    /// The other projection is wanted, as soon as it is known what lies in the middle.
+    is_toggling: bool,
     views: Vec<Camera>,
     held: DVec3,
     last_zoom: Option<Instant>,
@@ -35,10 +39,12 @@ pub struct Navigation {
 
 impl Navigation {
     /// A camera that sees nothing yet.
-    pub fn new(projection: Projection) -> Result<Navigation, CameraError> {
+    pub fn new(fov: f64) -> Result<Navigation, CameraError> {
         Ok(Navigation {
-            camera: Camera::orbit(DVec3::ZERO, DEFAULT_ORBIT, 100.0, projection)?,
+            camera: Camera::orbit(DVec3::ZERO, DEFAULT_ORBIT, 100.0, Projection::Perspective { fov })?,
             is_framed: false,
+            fov,
+            is_toggling: false,
             views: Vec::new(),
             held: DVec3::ZERO,
             last_zoom: None,
@@ -51,9 +57,22 @@ impl Navigation {
         self.is_framed
     }
 
+    /// Forgets where it was: something else is open.
+    pub fn forget(&mut self) {
+        (self.is_framed, self.is_toggling, self.last_zoom, self.last_flight) = (false, false, None, None);
+        self.views.clear();
+    }
+
     /// Goes to `camera`; Backspace comes back.
     fn go_from_here(&mut self, camera: Camera) {
         self.keep_view();
+        self.turn_to(camera);
+    }
+
+    fn turn_to(&mut self, camera: Camera) {
+        if let Projection::Perspective { fov } = camera.projection() {
+            self.fov = fov;
+        }
         self.camera = camera;
     }
 
@@ -70,7 +89,7 @@ impl Navigation {
     /// The view before.
     pub fn back(&mut self) {
         if let Some(camera) = self.views.pop() {
-            self.camera = camera;
+            self.turn_to(camera);
         }
     }
 
@@ -127,7 +146,10 @@ impl Navigation {
             }
         };
         // What cannot be seen from there is not gone to.
-        let moved = moved.ok().filter(|camera| canvas.can_draw(data, settings, camera));
+        let moved = moved
+            .and_then(|camera| before_all(&camera, data, settings))
+            .ok()
+            .filter(|camera| canvas.can_draw(data, settings, camera));
         moved.inspect(|camera| self.camera = *camera);
         Ok(moved.is_some())
     }
@@ -142,30 +164,102 @@ impl Navigation {
         let Some(last) = self.last_flight.replace(now) else { return self.keep_view() };
         let seconds = (now - last).as_secs_f64().min(0.25);
         let camera = &self.camera;
-        let distance = (camera.target() - camera.eye()).length();
-        let by = camera.right() * right + camera.forward() * forward + DVec3::Z * up;
-        if let Ok(camera) = navigate::shift(camera, by * (seconds * distance))
+        let moved = match (camera.projection(), data.about()) {
+            // There is no nearer: forward is larger.
+            (Projection::Orthographic { units_per_pixel }, Some(about)) => {
+                let by = (camera.right() * right + DVec3::Z * up) * (seconds * units_per_pixel);
+                let factor = (-forward * seconds).exp();
+                navigate::shift(camera, by * f64::from(canvas.size()[1]))
+                    .and_then(|camera| navigate::zoom(&camera, camera.target(), factor, &about.bounds))
+                    .and_then(|camera| before_all(&camera, data, settings))
+            }
+            _ => {
+                let distance = (camera.target() - camera.eye()).length();
+                let by = camera.right() * right + camera.forward() * forward + DVec3::Z * up;
+                navigate::shift(camera, by * (seconds * distance))
+            }
+        };
+        if let Ok(camera) = moved
             && canvas.can_draw(data, settings, &camera)
         {
             self.camera = camera;
         }
     }
 
-    /// All of the data, from these angles.
-    pub fn look_from(&mut self, angles: [f64; 2], (data, settings, canvas): SeenData) {
+    /// A projection of the kind; what is framed gets the scale that it needs.
+    fn kind(&self, is_parallel: bool) -> Projection {
+        match is_parallel {
+            true => Projection::Orthographic { units_per_pixel: 1.0 },
+            false => Projection::Perspective { fov: self.fov },
+        }
+    }
+
+    /// All that is shown, from these angles; `is_parallel`: `None` as it is now.
+    pub fn look_from(
+        &mut self,
+        angles: [f64; 2],
+        is_parallel: Option<bool>,
+        (data, settings, canvas): SeenData,
+    ) {
         let Some(framed) = framed(data, settings) else { return };
-        // A parallel projection keeps its scale, which need not show all: frames are perspective.
-        let projection = match self.camera.projection() {
-            Projection::Orthographic { .. } => Projection::default(),
-            perspective => perspective,
-        };
-        if let Ok(camera) = Camera::frame_hull(&framed, angles, projection, canvas.size()) {
+        let is_parallel = is_parallel.unwrap_or(navigate::is_parallel(self.camera.projection()));
+        if let Ok(camera) = navigate::framing(&framed, angles, self.kind(is_parallel), canvas.size()) {
+            self.go_from_here(camera);
+        }
+    }
+
+    /// All of a part of the data, as it is looked at now.
+    pub fn look_at(&mut self, hull: &Hull, (data, settings, canvas): SeenData) {
+        let Some(shown) = shown(hull, data, settings) else { return };
+        let projection = self.kind(navigate::is_parallel(self.camera.projection()));
+        let camera = navigate::framing(&shown, self.camera.angles(), projection, canvas.size());
+        if let Ok(camera) = camera.and_then(|camera| before_all(&camera, data, settings)) {
+            self.go_from_here(camera);
+        }
+    }
+
+    /// Brings a parallel camera back before all of the data, which may be others or higher than they were.
+    pub fn keep_before(&mut self, data: &Data, settings: &Settings) {
+        if let Ok(camera) = before_all(&self.camera, data, settings) {
+            self.camera = camera;
+        }
+    }
+
+    /// North comes up.
+    pub fn north_up(&mut self, (data, settings, _): SeenData) {
+        let turned = navigate::north_up(&self.camera);
+        if let Ok(camera) = turned.and_then(|camera| before_all(&camera, data, settings)) {
+            self.go_from_here(camera);
+        }
+    }
+
+    /// Asks for the other projection; see [`Navigation::toggle`].
+    pub fn ask_for_toggle(&mut self) {
+        self.is_toggling = self.is_framed;
+    }
+
+    /// Whether it is to be found out what lies in the middle of the image.
+    pub fn is_toggling(&self) -> bool {
+        self.is_toggling
+    }
+
+    /// Turns to the other projection where that was asked for: what lies at `middle`, in the middle of the image, stays as
+    /// large as it is. Where nothing is known to lie there: what is as far away as the target.
+    pub fn toggle(&mut self, middle: Option<DVec3>, (data, settings, canvas): SeenData) {
+        if !std::mem::take(&mut self.is_toggling) {
+            return;
+        }
+        let depth = (middle.unwrap_or(self.camera.target()) - self.camera.eye()).dot(self.camera.forward());
+        let toggled = navigate::toggled(&self.camera, depth, self.fov, canvas.size());
+        let toggled = toggled.and_then(|camera| before_all(&camera, data, settings)).ok();
+        if let Some(camera) = toggled.filter(|camera| canvas.can_draw(data, settings, camera)) {
             self.go_from_here(camera);
         }
     }
 
     /// Coordinates of the world's system, from near.
-    pub fn go_to(&mut self, (e, n, u): (f64, f64, Option<f64>), data: &Data, settings: &Settings) -> bool {
+    pub fn go_to(&mut self, (e, n, u): (f64, f64, Option<f64>), (data, settings, canvas): SeenData) -> bool {
+        let size = canvas.size();
         let Some(about) = data.about() else { return false };
         let (bounds, base) = (about.bounds, about.base);
         let middle = base.unplace(bounds.center());
@@ -175,7 +269,15 @@ impl Navigation {
         let cell = data.grid().0.cell();
         let distance = (self.camera.target() - self.camera.eye()).length().min(length * 0.1).max(cell);
         let angles = self.camera.angles();
-        let Ok(camera) = Camera::orbit(shown, angles, distance, self.camera.projection()) else {
+        let projection = match self.camera.projection() {
+            Projection::Orthographic { units_per_pixel } => {
+                let near = length * 0.1 / f64::from(size[1].max(1));
+                Projection::Orthographic { units_per_pixel: units_per_pixel.min(near) }
+            }
+            perspective => perspective,
+        };
+        let camera = Camera::orbit(shown, angles, distance, projection);
+        let Ok(camera) = camera.and_then(|camera| before_all(&camera, data, settings)) else {
             return false;
         };
         self.go_from_here(camera);
@@ -183,26 +285,35 @@ impl Navigation {
     }
 
     /// The view of a path that was read. Errors: why there is none, in words.
-    pub fn open(&mut self, view: &CameraPath, data: &Data) -> Result<(), String> {
+    pub fn open(&mut self, view: &CameraPath, data: &Data, settings: &Settings) -> Result<(), String> {
         let Some(about) = data.about() else { return Ok(()) };
         let view = view.placed(|v| about.base.place(v)).map_err(|e| e.to_string())?;
-        self.go_from_here(view.camera(0).map_err(|e| e.to_string())?);
+        let camera = view.camera(0).and_then(|camera| before_all(&camera, data, settings));
+        self.go_from_here(camera.map_err(|e| e.to_string())?);
         Ok(())
     }
 
     /// The first view: as the options say, or all of the data. `false`: nothing is known of them yet.
-    pub fn first_view(&mut self, options: &WindowOptions, seen: SeenData) -> anyhow::Result<bool> {
+    pub fn first_view(&mut self, options: &ViewOptions, seen: SeenData) -> anyhow::Result<bool> {
         let (data, settings, canvas) = seen;
         let (Some(framed), Some(about)) = (framed(data, settings), data.about()) else { return Ok(false) };
         let place = |v: DVec3| about.base.place(v);
-        let projection = Projection::Perspective { fov: options.fov };
-        let (angles, distance) = options.orbit.unwrap_or((DEFAULT_ORBIT, None));
+        let (projection, usual) = match options.ortho {
+            Some(units_per_pixel) => (Projection::Orthographic { units_per_pixel }, Standard::Top.angles()),
+            None => (Projection::Perspective { fov: options.fov }, DEFAULT_ORBIT),
+        };
+        let (angles, distance) = options.orbit.unwrap_or((usual, None));
         let size = canvas.size();
         let target = options.target.map(place);
-        self.camera = match (options.eye.map(place), target) {
-            (Some(eye), Some(target)) => Camera::look_at(eye, target, projection)?,
-            (_, target) => {
-                let whole = Camera::frame_hull(&framed, angles, projection, size)?;
+        let camera = match (&options.saved, options.eye.map(place), target) {
+            (Some(saved), ..) => saved.placed(place)?.camera(0)?,
+            (None, Some(eye), Some(target)) => Camera::look_at(eye, target, projection)?,
+            (None, _, target) => {
+                // The scale that was asked for is kept.
+                let whole = match options.ortho {
+                    Some(_) => Camera::frame_hull(&framed, angles, projection, size)?,
+                    None => navigate::framing(&framed, angles, projection, size)?,
+                };
                 match (target, distance) {
                     (None, None) => whole,
                     (target, distance) => {
@@ -217,15 +328,28 @@ impl Navigation {
                 }
             }
         };
+        self.turn_to(before_all(&camera, data, settings)?);
         self.is_framed = true;
         Ok(true)
     }
 }
 
-/// What is framed of the data, with the slab below it, as shown.
+/// What is framed of what is shown, with the slab below it, as shown.
 fn framed(data: &Data, settings: &Settings) -> Option<Hull> {
+    shown(&data.about()?.shown_hull(), data, settings)
+}
+
+/// A part of the data with the slab below it, as shown.
+fn shown(hull: &Hull, data: &Data, settings: &Settings) -> Option<Hull> {
     let about = data.about()?;
     let cell = data.grid().0.cell();
-    let hull = about.hull.of_cells(cell).on_slab(&about.slab(cell));
+    let hull = hull.of_cells(cell).on_slab(&about.slab(cell));
     Some(hull.exaggerated(settings.z_scale, about.bounds.min.z))
+}
+
+/// The camera, so far back that a parallel one has all of the data before it.
+fn before_all(camera: &Camera, data: &Data, settings: &Settings) -> Result<Camera, CameraError> {
+    let Some(about) = data.about() else { return Ok(*camera) };
+    let shown = about.bounds.exaggerated(settings.z_scale, about.bounds.min.z);
+    navigate::before_all(camera, &shown.of_cells(data.grid().0.cell()))
 }

@@ -1,5 +1,6 @@
 //! What has come from files, other threads and the device is taken: often, and with nothing drawn.
 
+use super::canvas::Purpose;
 use super::pick;
 use super::viewer::Viewer;
 use crate::limits::LIMITS;
@@ -43,8 +44,16 @@ impl Viewer {
             self.redraw.device_done(Instant::now());
             self.drawing = None;
         }
-        for (answer, is_kept) in self.canvas.take_picks(&mut self.data, &self.navigation.camera)? {
-            let name = if is_kept { "kept" } else { "pick" };
+        for (answer, purpose) in self.canvas.take_picks(&mut self.data, &self.navigation.camera)? {
+            if purpose == Purpose::Middle {
+                let middle = self.canvas.middle(&self.navigation.camera).and_then(|pick| pick.point);
+                let middle = middle.map(|point| point.shown);
+                self.navigation.toggle(middle, (&self.data, &self.settings, &self.canvas));
+                self.window.request_redraw();
+                self.redraw.asks(false);
+                continue;
+            }
+            let name = if purpose == Purpose::Kept { "kept" } else { "pick" };
             let size = self.canvas.size();
             let [x, y] = [0, 1].map(|axis| answer.at[axis] * f64::from(size[axis]));
             self.log.line(format_args!("{name} {} at {x:.0} {y:.0}", pick::logged(answer.point.as_ref())));
@@ -74,6 +83,9 @@ impl Viewer {
             self.redraw.outdate();
         }
         self.redraw.uploads(tick.is_busy);
+        for words in self.data.take_notices() {
+            self.notify(words);
+        }
         if tick.is_new_scene {
             self.canvas.forget_scene();
             self.redraw.new_scene();

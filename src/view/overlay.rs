@@ -2,7 +2,7 @@
 
 use super::navigate::{seen_at, units_per_pixel};
 use crate::coords::Bounds;
-use crate::render::camera::Camera;
+use crate::render::camera::{Camera, Projection};
 use crate::text::tidy;
 use egui::{Align2, Color32, FontId, Painter, Pos2, Rect, Shape, Stroke, Vec2, pos2, vec2};
 use glam::DVec3;
@@ -60,12 +60,17 @@ fn text(painter: &Painter, at: Pos2, align: Align2, words: &str, size: f32) -> R
     painter.text(at, align, words, font, INK)
 }
 
+/// Where the compass is: its middle and its radius, points.
+pub fn compass(area: ImageArea) -> (Pos2, f32) {
+    let radius = 26.0;
+    (pos2(area.rect.right() - MARGIN - radius, area.rect.top() + MARGIN + radius), radius)
+}
+
 /// Points to the north: a compass that lies flat, whatever the elevation.
 pub fn north_arrow(painter: &Painter, area: ImageArea, camera: &Camera) {
     let (sin, cos) = (camera.angles()[0].to_radians() as f32).sin_cos();
     let north = vec2(-sin, -cos);
-    let radius = 26.0;
-    let center = pos2(area.rect.right() - MARGIN - radius, area.rect.top() + MARGIN + radius);
+    let (center, radius) = compass(area);
     painter.circle_filled(center, radius, Color32::from_black_alpha(120));
     painter.circle_stroke(center, radius, Stroke::new(1.0, Color32::from_white_alpha(60)));
     let across = north.rot90() * 5.0;
@@ -76,16 +81,55 @@ pub fn north_arrow(painter: &Painter, area: ImageArea, camera: &Camera) {
     text(painter, center + north * 18.5, Align2::CENTER_CENTER, "N", 11.0);
 }
 
-/// A bar of a round length at the distance of `target`, the middle of what is looked at.
-pub fn scale_bar(painter: &Painter, area: ImageArea, camera: &Camera, target: DVec3, unit: Option<&str>) {
+/// Where a scale bar holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ScalePlace {
+    /// Everywhere: rays are parallel.
+    Everywhere,
+    /// As far away as what lies under the cursor.
+    Cursor(DVec3),
+    /// As far away as what lies in the middle of the image.
+    Middle(DVec3),
+}
+
+impl ScalePlace {
+    /// Of a camera's image, where something is known to lie under the cursor, or in the middle; `None`: nothing tells.
+    pub fn of(camera: &Camera, cursor: Option<DVec3>, middle: Option<DVec3>) -> Option<ScalePlace> {
+        match (camera.projection(), cursor, middle) {
+            (Projection::Orthographic { .. }, ..) => Some(ScalePlace::Everywhere),
+            (Projection::Perspective { .. }, Some(place), _) => Some(ScalePlace::Cursor(place)),
+            (Projection::Perspective { .. }, None, middle) => middle.map(ScalePlace::Middle),
+        }
+    }
+}
+
+/// A bar of a round length, and where that holds; gives its words.
+pub fn scale_bar(
+    painter: &Painter,
+    area: ImageArea,
+    camera: &Camera,
+    place: ScalePlace,
+    unit: Option<&str>,
+) -> Option<String> {
+    let (at, holds) = match place {
+        ScalePlace::Everywhere => (camera.target(), ""),
+        ScalePlace::Cursor(at) => (at, " at the cursor"),
+        ScalePlace::Middle(at) => (at, " in the middle"),
+    };
     let points_per_pixel = f64::from(area.rect.width()) / f64::from(area.size[0].max(1));
-    let per_point = units_per_pixel(camera, target, area.size) / points_per_pixel;
+    let per_point = units_per_pixel(camera, at, area.size) / points_per_pixel;
     if !(per_point.is_finite() && per_point > 0.0) {
-        return;
+        return None;
     }
     let length = round_length(LONGEST * per_point);
     let width = (length / per_point) as f32;
     let left = pos2(area.rect.left() + MARGIN, area.rect.bottom() - MARGIN);
+    let words = format!("{}{holds}", length_text(length, unit));
+    let galley = painter.layout_no_wrap(words.clone(), FontId::proportional(13.0), INK);
+    // On a plate of its own: what is behind may be white.
+    let [high, wide] = [galley.size().y, width.max(galley.size().x)];
+    let plate = Rect::from_min_max(left - vec2(0.0, 8.0 + high), left + vec2(wide, 1.0));
+    painter.rect_filled(plate.expand2(vec2(8.0, 6.0)), 5.0, Color32::from_black_alpha(130));
     let line = |painter: &Painter, by: Vec2, stroke: Stroke| {
         let (a, b) = (left + by, left + by + vec2(width, 0.0));
         painter.line_segment([a, b], stroke);
@@ -95,8 +139,26 @@ pub fn scale_bar(painter: &Painter, area: ImageArea, camera: &Camera, target: DV
     };
     line(painter, vec2(0.0, 1.0), Stroke::new(3.5, SHADOW));
     line(painter, Vec2::ZERO, Stroke::new(2.0, INK));
-    let middle = left + vec2(width / 2.0, -6.0);
-    text(painter, middle, Align2::CENTER_BOTTOM, &length_text(length, unit), 13.0);
+    // Over the bar's middle, but not over the image's border.
+    let across = (width - galley.size().x).max(0.0) / 2.0;
+    text(painter, left + vec2(across, -6.0), Align2::LEFT_BOTTOM, &words, 13.0);
+    Some(words)
+}
+
+/// What an empty window says: title, and what can be done.
+pub fn invitation(painter: &Painter, area: ImageArea) {
+    let lines = [
+        (20.0, "Drop LAS or LAZ files, or a folder of them, here"),
+        (14.0, "Ctrl+O opens a folder, files or a saved view"),
+        (14.0, "? lists keys and mouse"),
+    ];
+    let room = area.rect.width() - 2.0 * MARGIN;
+    let mut at = area.rect.center() - vec2(0.0, 44.0);
+    for (size, words) in lines {
+        let galley = painter.layout(words.to_owned(), FontId::proportional(size), INK, room);
+        painter.galley(at - vec2(galley.size().x / 2.0, 0.0), galley.clone(), INK);
+        at.y += galley.size().y + 12.0;
+    }
 }
 
 /// A ring around a place, seen through whatever is before it.
@@ -142,6 +204,19 @@ pub fn notice(painter: &Painter, area: ImageArea, words: &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_scale_says_where_it_holds_or_is_not_there() {
+        let camera = |projection| Camera::orbit(DVec3::ZERO, [0.0, 90.0], 10.0, projection).unwrap();
+        let perspective = camera(Projection::default());
+        let parallel = camera(Projection::Orthographic { units_per_pixel: 1.0 });
+        let [cursor, middle] = [DVec3::X, DVec3::Y];
+        let of = |camera, cursor, middle| ScalePlace::of(camera, cursor, middle);
+        assert_eq!(of(&parallel, Some(cursor), None), Some(ScalePlace::Everywhere));
+        assert_eq!(of(&perspective, Some(cursor), Some(middle)), Some(ScalePlace::Cursor(cursor)));
+        assert_eq!(of(&perspective, None, Some(middle)), Some(ScalePlace::Middle(middle)));
+        assert_eq!(of(&perspective, None, None), None);
+    }
 
     #[test]
     fn bars_have_round_lengths_in_their_unit() {

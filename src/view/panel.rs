@@ -1,38 +1,34 @@
 //! The panel beside the image, the status bar below it, and the small boxes over it.
 
+use super::boxes::{Boxes, OpenRequest};
+use super::color_part;
 use super::data::{DataAbout, DataStatus};
-use super::input::KEYS;
+use super::fates::Refused;
+use super::file_list::{self, FileRequest};
 use super::numbers::{grouped, rough, short};
 use super::pick;
-use super::settings::{BRIDGE, MODES, Settings};
+use super::settings::{BRIDGE, Settings};
 use super::state::State;
-use crate::attribute::{ClassMask, ColorMode, ColorTable, ReturnKind, class_color, class_name};
+use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, swatch, weak};
+use crate::attribute::{ClassMask, ColorTable, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
 use crate::resident::visibility::Visibility;
 use crate::text::{harmless, tidy};
 use egui::{
-    Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Mesh, Pos2, RichText, ScrollArea,
-    Sense, Shape, Slider, Stroke, TextEdit, Ui, Vec2, pos2, vec2,
+    Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Pos2, RichText, ScrollArea, Sense,
+    Slider, Stroke, Ui, pos2, vec2,
 };
 use std::collections::{BTreeMap, VecDeque};
-use std::path::PathBuf;
 
 /// Width of the panel, points.
 const WIDTH: f32 = 296.0;
-/// Height of a line of a list.
-const LINE: f32 = 20.0;
 /// Frames that a plot shows.
 const PLOTTED: usize = 120;
 /// Classes that are listed even if the sample has none: they are hidden at first.
 const NOISE: [u8; 2] = [7, 18];
 const GROUND: Color32 = Color32::from_rgb(27, 29, 33);
 const WELL: Color32 = Color32::from_rgb(18, 19, 22);
-const TEXT: Color32 = Color32::from_rgb(218, 221, 226);
-const WEAK: Color32 = Color32::from_rgb(142, 148, 158);
-const ACCENT: Color32 = Color32::from_rgb(86, 156, 214);
-const WARN: Color32 = Color32::from_rgb(230, 170, 80);
-
 /// The last values of something, for a plot.
 #[derive(Default)]
 pub struct History {
@@ -78,35 +74,33 @@ pub struct PanelContent<'a> {
     pub going_on: State,
     /// The same, in short.
     pub state: String,
+    /// Files that are not shown.
+    pub refused: &'a [Refused],
+    /// Nothing is open.
+    pub is_empty: bool,
 }
 
 /// What the user asks for.
 #[derive(Debug, Default)]
 pub struct PanelRequests {
-    /// A file by its place in the list is to be shown, or hidden.
-    pub file: Option<(usize, bool)>,
+    /// What is to become of a file.
+    pub file: Option<FileRequest>,
     /// Coordinates to go to, as typed: E, N and perhaps U, of the files.
     pub go_to: Option<(f64, f64, Option<f64>)>,
-    /// A view to open.
-    pub open: Option<PathBuf>,
-    /// Where the checks of the files in sight lie, points.
-    pub checks: Vec<(usize, Pos2)>,
+    /// What to open.
+    pub open: Option<OpenRequest>,
+    /// Where parts in sight lie that can be clicked, by their names, points.
+    pub places: Vec<(String, Pos2)>,
+    /// Where the list of keys lies, and whether all of it is in sight.
+    pub keys: Option<(egui::Rect, bool)>,
 }
 
 /// The panel and its boxes.
 pub struct Panel {
     /// The panel is there.
     pub is_open: bool,
-    /// The list of keys is.
-    pub has_keys: bool,
-    /// What is typed into the box for coordinates.
-    pub go_to: Option<String>,
-    /// And into that for a view's file.
-    pub open_view: Option<String>,
-    /// A box was opened in this frame: it gets the keys.
-    pub focus: bool,
-    /// Why what was typed is none.
-    pub refused: Option<String>,
+    /// The small boxes over the image.
+    pub boxes: Boxes,
 }
 
 /// Looks: dark, quiet, one accent.
@@ -159,7 +153,7 @@ fn about_count(points: u64, withheld: u64, is_exact: bool) -> String {
 /// The coordinate systems that files which are shown name, with how many do; those that name none last.
 fn systems(about: &DataAbout) -> Vec<(String, usize)> {
     let mut named: BTreeMap<(bool, &str), usize> = BTreeMap::new();
-    for file in about.files.iter().filter(|file| file.shown && !file.is_gone) {
+    for file in about.files.iter().filter(|file| file.is_seen()) {
         let name = file.system.as_deref();
         *named.entry((name.is_none(), name.unwrap_or("none that is named"))).or_default() += 1;
     }
@@ -170,10 +164,6 @@ fn systems(about: &DataAbout) -> Vec<(String, usize)> {
 pub fn bytes(n: u64) -> String {
     let mib = n as f64 / f64::from(1 << 20);
     if mib >= 1000.0 { format!("{:.2} GiB", mib / 1024.0) } else { format!("{mib:.0} MiB") }
-}
-
-fn weak(words: impl Into<String>) -> RichText {
-    RichText::new(words).color(WEAK)
 }
 
 /// A part of the panel.
@@ -202,40 +192,6 @@ fn bar(ui: &mut Ui, name: &str, [part, whole]: [u64; 2], words: String) {
     ui.add_space(2.0);
 }
 
-fn swatch(ui: &mut Ui, [r, g, b]: [u8; 3]) {
-    let (rect, _) = ui.allocate_exact_size(vec2(12.0, 12.0), Sense::hover());
-    ui.painter().rect_filled(rect, 2.0, Color32::from_rgb(r, g, b));
-}
-
-/// The ramp, with the values at its ends and in its middle.
-fn ramp(ui: &mut Ui, table: &ColorTable, (low, high): (f64, f64), unit: &str) {
-    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 14.0), Sense::hover());
-    let mut mesh = Mesh::default();
-    for (k, [r, g, b, _]) in table.table.iter().enumerate().step_by(3) {
-        let [r, g, b] = [r, g, b].map(|v| (v * 255.0).round() as u8);
-        let x = rect.left() + rect.width() * k as f32 / 255.0;
-        for y in [rect.top(), rect.bottom()] {
-            mesh.colored_vertex(pos2(x, y), Color32::from_rgb(r, g, b));
-        }
-        if k > 0 {
-            let n = mesh.vertices.len() as u32;
-            mesh.add_triangle(n - 4, n - 3, n - 2);
-            mesh.add_triangle(n - 3, n - 2, n - 1);
-        }
-    }
-    ui.painter().add(Shape::mesh(mesh));
-    let digits = if high - low < 20.0 { 1 } else { 0 };
-    let number = |v: f64| format!("{v:.digits$}");
-    let (line, _) = ui.allocate_exact_size(vec2(ui.available_width(), 14.0), Sense::hover());
-    let font = FontId::proportional(11.0);
-    let words = [number(low), number((low + high) / 2.0), format!("{} {unit}", number(high))];
-    let aligns = [Align2::LEFT_CENTER, Align2::CENTER_CENTER, Align2::RIGHT_CENTER];
-    let places = [line.left_center(), line.center(), line.right_center()];
-    for ((words, align), at) in words.into_iter().zip(aligns).zip(places) {
-        ui.painter().text(at, align, words, font.clone(), WEAK);
-    }
-}
-
 /// The last values as a line under its name and number.
 fn plot(ui: &mut Ui, name: &str, history: &History) {
     let last = history.values.back().map_or("–".to_owned(), |v| format!("{v:.1} ms"));
@@ -262,39 +218,13 @@ fn plot(ui: &mut Ui, name: &str, history: &History) {
     }
 }
 
-/// Numbers as they are typed: E,N or E,N,U.
-fn typed(text: &str) -> Result<(f64, f64, Option<f64>), String> {
-    let numbers: Vec<f64> = text
-        .split([',', ';', ' '])
-        .filter(|word| !word.is_empty())
-        .map(|word| {
-            word.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or(format!("'{word}' is not a number"))
-        })
-        .collect::<Result<_, _>>()?;
-    match numbers[..] {
-        [e, n] => Ok((e, n, None)),
-        [e, n, u] => Ok((e, n, Some(u))),
-        _ => Err("two or three numbers: E, N and, if you like, U".to_owned()),
-    }
-}
-
 impl Default for Panel {
     fn default() -> Panel {
-        Panel { is_open: true, has_keys: false, go_to: None, open_view: None, focus: false, refused: None }
+        Panel { is_open: true, boxes: Boxes::default() }
     }
 }
 
 impl Panel {
-    /// Whether a box waits for words.
-    pub fn is_typing(&self) -> bool {
-        self.go_to.is_some() || self.open_view.is_some()
-    }
-
-    /// Closes the boxes.
-    pub fn close(&mut self) {
-        (self.go_to, self.open_view, self.has_keys, self.refused) = (None, None, false, None);
-    }
-
     /// Lays out everything but the image, which gets what is left of `ui`.
     pub fn show(&mut self, ui: &mut Ui, settings: &mut Settings, content: &PanelContent) -> PanelRequests {
         let mut requests = PanelRequests::default();
@@ -315,7 +245,8 @@ impl Panel {
                 });
             });
         }
-        self.boxes(ui.ctx(), &mut requests);
+        let asked = self.boxes.show(ui.ctx(), !content.is_empty, &mut requests.places);
+        (requests.go_to, requests.open, requests.keys) = (asked.go_to, asked.open, asked.keys);
         requests
     }
 
@@ -347,43 +278,8 @@ impl Panel {
         content: &PanelContent,
         requests: &mut PanelRequests,
     ) {
-        let unit = content.about.and_then(|about| about.unit.as_ref()).map_or("", |u| u.symbol());
         part(ui, "Colour", true, |ui| {
-            ui.horizontal(|ui| {
-                ui.spacing_mut().item_spacing.x = 2.0;
-                for mode in MODES {
-                    let words = match mode {
-                        ColorMode::Rgb => "RGB",
-                        ColorMode::Height => "Height",
-                        ColorMode::Class => "Class",
-                        ColorMode::Intensity => "Intensity",
-                        ColorMode::Return => "Return",
-                    };
-                    ui.selectable_value(&mut settings.color, mode, words);
-                }
-            });
-            match content.colors {
-                Some(ColorTable { constant: Some(constant), .. }) => {
-                    ui.label(weak(constant));
-                }
-                Some(table) => match (table.mode, table.range) {
-                    (ColorMode::Height, Some(range)) => ramp(ui, table, range, unit),
-                    (_, Some(range)) => ramp(ui, table, range, ""),
-                    (ColorMode::Return, None) => {
-                        for kind in RETURNS {
-                            ui.horizontal(|ui| {
-                                swatch(ui, kind.color());
-                                ui.label(kind.name());
-                            });
-                        }
-                    }
-                    (ColorMode::Class, None) => {
-                        ui.label(weak("the colours of the list of classes"));
-                    }
-                    (_, None) => {}
-                },
-                None => {}
-            }
+            color_part::show(ui, settings, (content.about, content.colors), &mut requests.places);
         });
         part(ui, "Classes", true, |ui| classes(ui, &mut settings.visibility, content));
         part(ui, "Picture", true, |ui| {
@@ -410,7 +306,10 @@ impl Panel {
             }
             ui.checkbox(&mut settings.visibility.withheld, "Withheld points");
         });
-        part(ui, "Files", true, |ui| files(ui, content, requests));
+        part(ui, "Files", true, |ui| {
+            let files = content.about.map_or(&[][..], |about| &about.files);
+            requests.file = file_list::show(ui, (files, content.refused), &mut requests.places);
+        });
         part(ui, "Data", true, |ui| data(ui, content));
         part(ui, "Times", false, |ui| {
             plot(ui, "frame", &content.times.frame);
@@ -424,55 +323,6 @@ impl Panel {
                 for line in &content.status.messages {
                     ui.label(RichText::new(line).small());
                 }
-            });
-        }
-    }
-
-    fn boxes(&mut self, context: &egui::Context, requests: &mut PanelRequests) {
-        let focus = std::mem::take(&mut self.focus);
-        let line = |title: &str, hint: &str, text: &mut String, refused: &Option<String>| {
-            let mut done = false;
-            boxed(title).show(context, |ui| {
-                let edit = ui.add(TextEdit::singleline(text).hint_text(hint).desired_width(320.0));
-                if focus {
-                    edit.request_focus();
-                }
-                done = edit.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
-                if let Some(refused) = refused {
-                    ui.label(RichText::new(refused).color(WARN).small());
-                }
-            });
-            done
-        };
-        if let Some(text) = &mut self.go_to
-            && line("Go to", "E, N or E, N, U", text, &self.refused)
-        {
-            match typed(text) {
-                Ok(place) => {
-                    requests.go_to = Some(place);
-                    self.close();
-                }
-                Err(why) => (self.refused, self.focus) = (Some(why), true),
-            }
-        }
-        if let Some(text) = &mut self.open_view
-            && line("Open a view", "file with a camera path", text, &self.refused)
-        {
-            requests.open = Some(PathBuf::from(text.trim()));
-            self.close();
-        }
-        if self.has_keys {
-            let room = context.content_rect().height() - 90.0;
-            boxed("Keys").show(context, |ui| {
-                ScrollArea::vertical().max_height(room).show(ui, |ui| {
-                    egui::Grid::new("keys").spacing(vec2(24.0, 4.0)).show(ui, |ui| {
-                        for (keys, what) in KEYS {
-                            ui.label(RichText::new(keys).strong());
-                            ui.label(what);
-                            ui.end_row();
-                        }
-                    });
-                });
             });
         }
     }
@@ -501,13 +351,6 @@ fn place(ui: &mut Ui, point: &PickedPoint, is_kept: bool, about: &DataAbout) {
         }
     }
 }
-
-fn boxed(title: &str) -> egui::Window<'_> {
-    egui::Window::new(title).anchor(Align2::CENTER_CENTER, Vec2::ZERO).collapsible(false).resizable(false)
-}
-
-const RETURNS: [ReturnKind; 5] =
-    [ReturnKind::Single, ReturnKind::First, ReturnKind::Intermediate, ReturnKind::Last, ReturnKind::Unknown];
 
 fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
     if content.about.is_none() {
@@ -553,38 +396,6 @@ fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
         }
         if ui.small_button("Usual").on_hover_text("all but noise").clicked() {
             *mask = ClassMask::default();
-        }
-    });
-}
-
-fn files(ui: &mut Ui, content: &PanelContent, requests: &mut PanelRequests) {
-    let files = content.about.map_or(&[][..], |about| &about.files);
-    if files.is_empty() {
-        ui.label(weak("Drop files or folders into the window"));
-    }
-    // Thousands of files are no more to lay out than those in sight.
-    let height = (files.len() as f32 * (LINE + 5.0)).min(8.0 * (LINE + 5.0));
-    let area = ScrollArea::vertical().id_salt("files").max_height(height).auto_shrink([false, true]);
-    area.show_rows(ui, LINE, files.len(), |ui, rows| {
-        for (index, file) in rows.clone().zip(&files[rows]) {
-            ui.horizontal(|ui| {
-                let mut is_shown = file.shown;
-                let check = ui.add(Checkbox::without_text(&mut is_shown));
-                requests.checks.push((index, check.rect.center()));
-                if check.changed() {
-                    requests.file = Some((index, is_shown));
-                }
-                ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                    ui.label(weak(short(file.points)));
-                    ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
-                        let name = harmless(&file.path.file_name().unwrap_or_default().to_string_lossy());
-                        let name = RichText::new(name).color(if is_shown { TEXT } else { WEAK });
-                        let name = if file.is_gone { name.strikethrough() } else { name };
-                        ui.add(egui::Label::new(name).truncate())
-                            .on_hover_text(harmless(&file.path.to_string_lossy()));
-                    });
-                });
-            });
         }
     });
 }
@@ -636,13 +447,5 @@ mod tests {
             about_count(24_412, 512, false),
             "~24 k points, of which ~510 are withheld: estimated, until every point was read"
         );
-    }
-
-    #[test]
-    fn coordinates_are_typed_in_many_ways() {
-        assert_eq!(typed("512000, 5402900"), Ok((512000.0, 5402900.0, None)));
-        assert_eq!(typed("1;2;3"), Ok((1.0, 2.0, Some(3.0))));
-        assert_eq!(typed("1.5 -2"), Ok((1.5, -2.0, None)));
-        assert!(typed("12").is_err() && typed("a,b").is_err() && typed("1,inf").is_err());
     }
 }

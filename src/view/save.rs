@@ -1,39 +1,55 @@
 //! What leaves the window: images, views, and the command line that draws the same.
 
-use super::data::{self, DataAbout};
+use super::data::{Data, DataAbout};
 use super::settings::Settings;
-use crate::attribute::ClassMask;
-use crate::render::camera::{Camera, Projection};
+use crate::attribute::{ClassMask, ColorTable};
+use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
 use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
+use crate::render::saved_view::{OptionValue, SavedView};
+use crate::source::placement::Treatment;
 use crate::text::tidy;
 use glam::DVec3;
-use std::ffi::OsString;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// The first name of the kind `stem-0001.extension` in `folder` that is free.
-pub fn next_free(folder: &Path, stem: &str, extension: &str) -> PathBuf {
-    let name = |number: u32| folder.join(format!("{stem}-{number:04}.{extension}"));
-    (1..).map(name).find(|path| path.symlink_metadata().is_err()).expect("some number is free")
-}
-
-/// The last name of that kind that is taken.
-pub fn last_taken(folder: &Path, stem: &str, extension: &str) -> Option<PathBuf> {
-    let entries = std::fs::read_dir(folder).ok()?;
-    let is_one = |path: &PathBuf| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        name.starts_with(&format!("{stem}-")) && name.ends_with(&format!(".{extension}"))
+/// The first name of the kind `stem-0001.extension` in `folder` that is free under all of `extensions`, with the first.
+pub fn next_free(folder: &Path, stem: &str, extensions: &[&str]) -> PathBuf {
+    let name = |number: u32| folder.join(format!("{stem}-{number:04}.{}", extensions[0]));
+    let is_free = |path: &PathBuf| {
+        extensions.iter().all(|extension| path.with_extension(extension).symlink_metadata().is_err())
     };
-    entries.flatten().map(|entry| entry.path()).filter(is_one).max()
+    (1..).map(name).find(is_free).expect("some number is free")
 }
 
-/// The view as a camera path of one keyframe, in coordinates of the world's system.
-pub fn view(camera: &Camera, about: Option<&DataAbout>) -> Result<CameraPath, String> {
-    let path = CameraPath::view(camera);
-    match about {
-        Some(about) => path.placed(|v| about.base.unplace(v)).map_err(|e| e.to_string()),
-        None => Ok(path),
-    }
+/// What is seen: all that makes a picture.
+pub struct Seen<'a> {
+    /// Files, and how they were read.
+    pub data: &'a Data,
+    /// What is known of them.
+    pub about: &'a DataAbout,
+    /// From where.
+    pub camera: &'a Camera,
+    /// How.
+    pub settings: &'a Settings,
+    /// In what colours.
+    pub colors: Option<&'a ColorTable>,
+    /// Width and height, pixels.
+    pub size: [u32; 2],
+}
+
+/// The view as a camera path of one keyframe, in coordinates of the world's system, with all that is seen; for a file in
+/// `folder`.
+pub fn view(seen: &Seen, folder: &Path) -> Result<CameraPath, String> {
+    let path = CameraPath::view(seen.camera);
+    let path = path.placed(|v| seen.about.base.unplace(v)).map_err(|e| e.to_string())?;
+    // A later version may choose others from the data.
+    let color = ("color", text(seen.settings.color.name()));
+    let options = options(seen).into_iter().filter(|(name, _)| *name != "color").chain([color]);
+    let bridge = (seen.settings.visibility.bridge == 0).then_some(("no-bridge", OptionValue::Flag(true)));
+    let inputs = seen.data.shown_inputs(true);
+    let view = SavedView::new(folder, &inputs, seen.data.hidden_files(), options.chain(bridge))?;
+    Ok(path.with_view(view))
 }
 
 /// Classes as `--hide` takes them: 3-5,7.
@@ -60,15 +76,95 @@ fn quoted(word: &str) -> String {
     }
 }
 
-/// The `lasray render` that draws what the window shows.
-pub fn command(
-    inputs: &[OsString],
-    camera: &Camera,
-    about: &DataAbout,
-    settings: &Settings,
-    size: [u32; 2],
-    opened: &data::ReadOptions,
-) -> String {
+fn text(words: impl Into<String>) -> OptionValue {
+    OptionValue::Text(words.into())
+}
+
+/// The option that shows the classes of `mask` of those `present`: the shortest, of several the one that also says the same
+/// of others; `None`: none is needed.
+fn classes(mask: ClassMask, present: &BTreeSet<u8>) -> Option<(&'static str, String)> {
+    let usual = ClassMask::default();
+    let all: BTreeSet<u8> = (0..=255).collect();
+    let known = if present.is_empty() { &all } else { present };
+    let differs = |class: &u8| mask.shows(*class) != usual.shows(*class);
+    if !known.iter().any(differs) {
+        return None;
+    }
+    let option = |of: &BTreeSet<u8>| {
+        let shown: Vec<u8> = of.iter().copied().filter(|&c| mask.shows(c)).collect();
+        let hidden = of.iter().copied().filter(|&c| !mask.shows(c) && usual.shows(c));
+        // What is hidden unless asked for must be asked for.
+        let is_asked = shown.iter().any(|&c| !usual.shows(c));
+        let hide = (!is_asked).then(|| ("hide", list(hidden)));
+        let show = (!shown.is_empty()).then(|| ("classes", list(shown.into_iter())));
+        hide.into_iter().chain(show)
+    };
+    option(&all).chain(option(known)).min_by_key(|(name, list)| name.len() + list.len())
+}
+
+/// Options that differ from what is chosen without them.
+fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
+    let Seen { data, about, settings, size, .. } = seen;
+    let read = data.options();
+    // What was chosen by the first files is said where others would choose it now.
+    let is_other = data.shows_others();
+    let mut options = vec![("size", text(format!("{}x{}", size[0], size[1])))];
+    if settings.color != about.color || is_other {
+        options.push(("color", text(settings.color.name())));
+    }
+    let scale = settings.scale();
+    if let Some(ramp) = scale.ramp {
+        options.push(("ramp", text(ramp.name())));
+    }
+    let chosen = seen.colors.and_then(|colors| colors.range).filter(|_| is_other);
+    if let Some((low, high)) = scale.range.or(chosen) {
+        options.push(("range", text(format!("{},{}", tidy(low), tidy(high)))));
+    }
+    let present = data.scene().kinds().union(&about.kinds).map(|(class, _)| *class).collect();
+    if let Some((name, list)) = classes(settings.visibility.classes, &present) {
+        options.push((name, text(list)));
+    }
+    if settings.z_scale != 1.0 {
+        options.push(("z-scale", OptionValue::Number(settings.z_scale)));
+    }
+    if let Some(cell) = read.cell.or(is_other.then_some(about.cell.into())) {
+        options.push(("cell", text(cell.to_string())));
+    }
+    let is_moved = |file: &super::data::FileAbout| matches!(file.treatment, Treatment::Transformed { .. });
+    let is_chosen = read.placement.crs.is_some() || about.files.iter().any(is_moved);
+    if let Some(code) = about.crs.as_ref().filter(|_| is_chosen).and_then(|crs| crs.epsg) {
+        options.push(("crs", text(format!("EPSG:{code}"))));
+    }
+    let assumed = read.placement.assume.iter().filter_map(|assumption| {
+        let code = assumption.crs.epsg?;
+        let pattern = assumption.pattern.as_ref().map_or(String::new(), |pattern| format!("{pattern}="));
+        Some(format!("{pattern}EPSG:{code}"))
+    });
+    let assumed: Vec<_> = assumed.collect();
+    if !assumed.is_empty() {
+        options.push(("assume-crs", OptionValue::Many(assumed)));
+    }
+    if let Some(unit) = &read.placement.z_unit {
+        options.push(("z-unit", text(unit.symbol())));
+    }
+    if let Some(bits) = read.rgb_bits {
+        options.push(("rgb-bits", OptionValue::Number(bits.into())));
+    }
+    if settings.shade == Shade::None {
+        options.push(("shade", text("none")));
+    } else if settings.visibility.bridge == 0 {
+        options.push(("no-bridge", OptionValue::Flag(true)));
+    }
+    let flags = [("mix-crs", read.placement.mix_crs), ("withheld", settings.visibility.withheld)];
+    options.extend(
+        flags.into_iter().filter(|(_, is_on)| *is_on).map(|(name, _)| (name, OptionValue::Flag(true))),
+    );
+    options
+}
+
+/// The `lasray render` that draws what the window shows, for shells on Unix: the shortest.
+pub fn command(seen: &Seen) -> String {
+    let Seen { data, about, camera, .. } = seen;
     // To millimetres of metres, and of what is nearer than one unit to as much of its distance.
     let distance = (camera.target() - camera.eye()).length();
     let up = (3.0 - distance.log10().floor()).clamp(3.0, 17.0) as usize;
@@ -78,57 +174,39 @@ pub fn command(
         let digits = if about.base.is_identity() { up } else { 9 };
         format!("{:.digits$},{:.digits$},{:.up$}", v.x, v.y, v.z)
     };
-    let mut words = vec!["lasray".to_owned(), "render".to_owned()];
-    words.extend(inputs.iter().map(|input| quoted(&input.to_string_lossy())));
-    let mut option = |name: &str, value: String| words.push(format!("--{name}={}", quoted(&value)));
-    option("eye", place(camera.eye()));
-    option("target", place(camera.target()));
+    let mut options = vec![("eye", text(place(camera.eye()))), ("target", text(place(camera.target())))];
     match camera.projection() {
-        Projection::Perspective { fov } => option("fov", tidy(fov)),
-        Projection::Orthographic { units_per_pixel } => option("ortho", tidy(units_per_pixel)),
-    }
-    option("size", format!("{}x{}", size[0], size[1]));
-    option("color", settings.color.name().to_owned());
-    let shown = settings.visibility.classes;
-    let usual = ClassMask::default();
-    // What is hidden unless asked for must be asked for.
-    let asked = (0..=255).any(|c| shown.shows(c) && !usual.shows(c));
-    if asked {
-        option("classes", list((0..=255).filter(|&c| shown.shows(c))));
-    } else if shown != usual {
-        option("hide", list((0..=255).filter(|&c| usual.shows(c) && !shown.shows(c))));
-    }
-    if settings.z_scale != 1.0 {
-        option("z-scale", tidy(settings.z_scale));
-    }
-    if let Some(cell) = opened.cell {
-        option("cell", cell.to_string());
-    }
-    if let Some(code) = opened.placement.crs.as_ref().and_then(|crs| crs.epsg) {
-        option("crs", format!("EPSG:{code}"));
-    }
-    for assumption in &opened.placement.assume {
-        if let Some(code) = assumption.crs.epsg {
-            let pattern = assumption.pattern.as_ref().map_or(String::new(), |pattern| format!("{pattern}="));
-            option("assume-crs", format!("{pattern}EPSG:{code}"));
+        Projection::Perspective { fov } if fov == DEFAULT_FOV => {}
+        Projection::Perspective { fov } => options.push(("fov", OptionValue::Number(fov))),
+        Projection::Orthographic { units_per_pixel } => {
+            options.push(("ortho", OptionValue::Number(units_per_pixel)));
         }
     }
-    if let Some(unit) = &opened.placement.z_unit {
-        option("z-unit", unit.symbol().to_owned());
+    options.extend(self::options(seen));
+    let mut words = vec!["lasray".to_owned(), "render".to_owned()];
+    words.extend(data.shown_inputs(false).iter().map(|input| {
+        let word = input.to_string_lossy();
+        // Not an option.
+        quoted(&if word.starts_with('-') { format!("./{word}").into() } else { word })
+    }));
+    let mut option = |name: &str, value: &str| {
+        let value = quoted(value);
+        // A value that begins like an option is part of the word.
+        words.extend(match value.starts_with('-') {
+            true => vec![format!("--{name}={value}")],
+            false => vec![format!("--{name}"), value],
+        });
+    };
+    for (name, value) in &options {
+        match value {
+            OptionValue::Number(number) => option(name, &number.to_string()),
+            OptionValue::Text(text) => option(name, text),
+            OptionValue::Many(many) => many.iter().for_each(|text| option(name, text)),
+            OptionValue::Flag(_) => {}
+        }
     }
-    if let Some(bits) = opened.rgb_bits {
-        option("rgb-bits", bits.to_string());
-    }
-    if settings.shade == Shade::None {
-        option("shade", "none".to_owned());
-    } else if settings.visibility.bridge == 0 {
-        words.push("--no-bridge".to_owned());
-    }
-    for (name, is_on) in
-        [("--mix-crs", opened.placement.mix_crs), ("--withheld", settings.visibility.withheld)]
-    {
-        words.extend(is_on.then(|| name.to_owned()));
-    }
+    let flags = options.iter().filter(|(_, value)| matches!(value, OptionValue::Flag(true)));
+    words.extend(flags.map(|(name, _)| format!("--{name}")));
     words.extend(["-o".to_owned(), "view.png".to_owned()]);
     words.join(" ")
 }
@@ -141,13 +219,12 @@ mod tests {
     fn names_count_on_from_what_is_there() {
         let folder = tempfile::tempdir().unwrap();
         let name = |n: u32| folder.path().join(format!("lasray-{n:04}.png"));
-        assert_eq!(next_free(folder.path(), "lasray", "png"), name(1));
-        assert_eq!(last_taken(folder.path(), "lasray", "png"), None);
-        for n in [1, 2] {
-            std::fs::write(name(n), "").unwrap();
-        }
-        assert_eq!(next_free(folder.path(), "lasray", "png"), name(3));
-        assert_eq!(last_taken(folder.path(), "lasray", "png"), Some(name(2)));
+        let next = || next_free(folder.path(), "lasray", &["png", "pgw"]);
+        assert_eq!(next(), name(1));
+        std::fs::write(name(1), "").unwrap();
+        // What lies beside a picture that is gone is not taken for that of another.
+        std::fs::write(name(2).with_extension("pgw"), "").unwrap();
+        assert_eq!(next(), name(3));
     }
 
     #[test]
@@ -157,5 +234,24 @@ mod tests {
         assert_eq!(quoted("tiles/a.laz"), "tiles/a.laz");
         assert_eq!(quoted("it's here"), r"'it'\''s here'");
         assert_eq!(quoted(""), "''");
+    }
+
+    #[test]
+    fn classes_are_told_in_as_few_letters_as_there_are_classes() {
+        let present: BTreeSet<u8> = [1, 2, 3, 4, 5, 6, 7, 9, 18].into();
+        let usual = ClassMask::default();
+        let told = |mask| classes(mask, &present).map(|(name, list)| format!("--{name} {list}"));
+        assert_eq!(told(usual), None);
+        assert_eq!(told(ClassMask::only(&[2])).unwrap(), "--classes 2");
+        // One after the other unchecked, the others of the 256 left as they are.
+        assert_eq!(told(usual.without(&[1, 3, 4, 5, 6, 9])).unwrap(), "--classes 2");
+        assert_eq!(told(usual.without(&[3, 4, 5])).unwrap(), "--hide 3-5");
+        assert_eq!(told(usual.without(&[15])), None, "there is none");
+        assert_eq!(told(ClassMask::all()).unwrap(), "--classes 0-255");
+        assert_eq!(told(usual.with(&[7])).unwrap(), "--classes 1-7,9");
+        assert_eq!(told(ClassMask::only(&[])).unwrap(), "--hide 1-6,9");
+        // While nothing is known, all are.
+        let unknown = classes(usual.without(&[6]), &BTreeSet::new()).unwrap();
+        assert_eq!(unknown, ("hide", "6".to_owned()));
     }
 }

@@ -4,12 +4,14 @@ use super::canvas::Canvas;
 use super::data::Data;
 use super::settings::{Colors, SAMPLES, Settings, view_of};
 use crate::gpu::{Buffer, Commands, SyncPoint};
-use crate::output::Output;
-use crate::render::camera::Camera;
+use crate::output::{Output, Protected};
+use crate::render::camera::{Camera, Projection};
 use crate::render::frame::Renderer;
 use crate::render::image::{Image, ImageError, notes};
 use crate::render::screen::Screen;
+use crate::render::side_files::{SideFiles, WorldFile};
 use crate::resident::table::Table;
+use crate::source::crs::Crs;
 use crossbeam_channel::{Receiver, Sender, unbounded};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -90,9 +92,25 @@ impl Saving {
         }
     }
 
-    /// Where it goes, and what is told in the file.
-    pub fn file(&self, data: &Data) -> (PathBuf, [(&'static str, String); 3]) {
-        (self.path.clone(), notes(&self.camera, &data.grid().0))
+    /// Where it goes, what is told in the file, and what lies beside it.
+    pub fn file(&self, data: &Data) -> PictureFile {
+        let notes = notes(&self.camera, &data.grid().0);
+        let about = data.about();
+        let world = about.filter(|_| matches!(self.camera.projection(), Projection::Orthographic { .. }));
+        let world = world.and_then(|about| {
+            // In the world's own coordinates, degrees among them, not in those that are drawn.
+            let [east, north] = about.base.horizontal_scale()?;
+            Some(WorldFile::of(&self.camera.basis(self.size).ok()?)?.scaled([1.0 / east, 1.0 / north]))
+        });
+        let wkt = about.and_then(|about| about.crs.as_ref()).and_then(Crs::prj);
+        let side = SideFiles::new(&self.path, world.as_ref(), wkt.as_deref());
+        PictureFile {
+            path: self.path.clone(),
+            notes,
+            side,
+            is_map: world.is_some(),
+            has_system: wkt.is_some(),
+        }
     }
 
     /// The image, once it is there.
@@ -108,8 +126,39 @@ impl Saving {
     }
 }
 
+/// A picture that is to be written.
+pub struct PictureFile {
+    path: PathBuf,
+    notes: [(&'static str, String); 3],
+    side: SideFiles,
+    is_map: bool,
+    has_system: bool,
+}
+
+impl PictureFile {
+    /// Writes it, and what says where it lies.
+    fn write(&self, image: &Image) -> Result<Beside, ImageError> {
+        let note = self.side.note();
+        let mut notes: Vec<_> = self.notes.iter().map(|(key, value)| (*key, value.as_str())).collect();
+        notes.extend((!note.is_empty()).then_some(("Beside", &*note)));
+        image.write(Output::fresh(&self.path), false, &notes)?;
+        let said = self.side.write(&Protected::default());
+        let names = [("world file", self.is_map), (".prj", self.is_map && self.has_system)];
+        let written = names.into_iter().filter(|(_, is_there)| *is_there && said.is_empty());
+        Ok(Beside { written: written.map(|(name, _)| name).collect(), said })
+    }
+}
+
+/// What lies beside a picture.
+pub struct Beside {
+    /// What was written.
+    pub written: Vec<&'static str>,
+    /// What is to be said of the rest.
+    pub said: Vec<String>,
+}
+
 /// What became of a file.
-pub type Written = (PathBuf, Result<(), ImageError>);
+pub type Written = (PathBuf, Result<Beside, ImageError>);
 
 /// Writes images; those under way are finished before it is gone.
 pub struct Writer {
@@ -127,19 +176,12 @@ impl Default for Writer {
 
 impl Writer {
     /// Has a thread write an image; `wake` is called when it has.
-    pub fn write(
-        &mut self,
-        image: Image,
-        path: PathBuf,
-        notes: [(&'static str, String); 3],
-        wake: impl Fn() + Send + 'static,
-    ) {
+    pub fn write(&mut self, image: Image, file: PictureFile, wake: impl Fn() + Send + 'static) {
         let send = self.send.clone();
         self.threads.push(std::thread::spawn(move || {
-            let notes = notes.each_ref().map(|(key, value)| (*key, value.as_str()));
-            let written = image.write(Output::fresh(&path), false, &notes);
+            let written = file.write(&image);
             // The window may be gone.
-            let _ = send.send((path, written));
+            let _ = send.send((file.path, written));
             wake();
         }));
     }

@@ -1,8 +1,8 @@
 //! What the user has chosen to see, and the view of the data that follows from it.
 
-use super::data::Data;
-use crate::attribute::{ColorMode, ColorTable};
-use crate::render::camera::Camera;
+use super::data::{Data, DataAbout};
+use crate::attribute::{ColorMode, ColorTable, Ramp};
+use crate::render::camera::{Camera, Projection};
 use crate::render::frame::{Background, Shade, Traversal, View};
 use crate::resident::visibility::Visibility;
 
@@ -15,11 +15,24 @@ pub const BRIDGE: u32 = 4;
 pub const MODES: [ColorMode; 5] =
     [ColorMode::Rgb, ColorMode::Height, ColorMode::Class, ColorMode::Intensity, ColorMode::Return];
 
+/// How values become colours of a ramp.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scale {
+    /// `None`: that of the mode.
+    pub ramp: Option<Ramp>,
+    /// Values at the ramp's ends; `None`: chosen from the data.
+    pub range: Option<(f64, f64)>,
+}
+
 /// What the user has chosen to see.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// What colours show.
     pub color: ColorMode,
+    /// The ramp of heights.
+    pub heights: Scale,
+    /// And that of intensities.
+    pub intensities: Scale,
     /// Classes, withheld points, bridges.
     pub visibility: Visibility,
     /// Vertical exaggeration.
@@ -28,8 +41,50 @@ pub struct Settings {
     pub shade: Shade,
 }
 
-/// Colours, and the mode that was asked for: a field that is the same everywhere may be drawn through another.
-pub type Colors = (ColorMode, ColorTable);
+impl Settings {
+    /// The ramp of the colour mode, where it has one.
+    pub fn scale(&self) -> Scale {
+        match self.color {
+            ColorMode::Height => self.heights,
+            ColorMode::Intensity => self.intensities,
+            ColorMode::Rgb | ColorMode::Class | ColorMode::Return => Scale::default(),
+        }
+    }
+
+    /// The same, to change it.
+    pub fn scale_mut(&mut self) -> Option<&mut Scale> {
+        match self.color {
+            ColorMode::Height => Some(&mut self.heights),
+            ColorMode::Intensity => Some(&mut self.intensities),
+            ColorMode::Rgb | ColorMode::Class | ColorMode::Return => None,
+        }
+    }
+}
+
+/// Colour modes that the data have something to show by.
+pub fn modes(data: Option<&DataAbout>) -> impl Iterator<Item = ColorMode> {
+    let has_rgb = data.is_some_and(DataAbout::has_rgb);
+    MODES.into_iter().filter(move |mode| has_rgb || *mode != ColorMode::Rgb)
+}
+
+/// What colours were asked for, which may come to others: a field that is the same everywhere may be drawn through another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorChoice {
+    mode: ColorMode,
+    scale: Scale,
+    has_rgb: bool,
+}
+
+impl ColorChoice {
+    /// That of the settings.
+    pub fn of(settings: &Settings, data: Option<&DataAbout>) -> ColorChoice {
+        let has_rgb = data.is_some_and(DataAbout::has_rgb);
+        ColorChoice { mode: settings.color, scale: settings.scale(), has_rgb }
+    }
+}
+
+/// Colours, and what was asked for.
+pub type Colors = (ColorChoice, ColorTable);
 
 /// The view that an image of `size` pixels shows; `None` while nothing is known of the data.
 pub fn view_of<'a>(
@@ -50,7 +105,11 @@ pub fn view_of<'a>(
         slab: Some(data.about()?.slab(data.grid().0.cell())),
         colors: &colors?.1,
         shade: settings.shade,
-        background: Background::Sky,
+        // As `lasray render` does: maps and elevations are seen before white.
+        background: match camera.projection() {
+            Projection::Perspective { .. } => Background::Sky,
+            Projection::Orthographic { .. } => Background::White,
+        },
         traversal: Traversal::Fast,
         window: None,
     })

@@ -6,19 +6,17 @@ use super::flight::FlightProgress;
 use super::input::InputState;
 use super::log::EventLog;
 use super::navigation::Navigation;
-use super::options::WindowOptions;
+use super::options::{ViewOptions, WindowOptions};
 use super::panel::{self, Panel};
 use super::pipelines::Pipelines;
 use super::redraw::Redraw;
 use super::saving::{Saving, Writer};
-use super::settings::Settings;
+use super::settings::{Scale, Settings, modes};
 use super::timing::FrameTiming;
 use super::toolkit::Textures;
 use crate::attribute::ColorMode;
 use crate::gpu::{DeviceKind, Gpu, Overlay, Swapchain, SyncPoint};
 use crate::limits::LIMITS;
-use crate::render::camera::Projection;
-use crate::render::frame::Shade;
 use crate::text::harmless;
 use anyhow::Context as _;
 use std::ffi::OsString;
@@ -30,7 +28,9 @@ use winit::keyboard::ModifiersState;
 use winit::window::Window;
 
 /// Why there is none, mostly.
-pub const NO_WINDOW: &str = "no window can be opened: is there a display? (lasray render needs none)";
+#[derive(Debug, thiserror::Error)]
+#[error("no window can be opened: is there a display? (lasray render needs none)")]
+pub struct NoWindow;
 /// How long a notice stays.
 const NOTICE: Duration = Duration::from_secs(6);
 
@@ -63,6 +63,8 @@ pub struct Viewer {
     pub(super) drawing: Option<SyncPoint>,
     pub(super) timing: FrameTiming,
     pub(super) flown: FlightProgress,
+    /// What was opened, and how it is read.
+    pub(super) view: ViewOptions,
     pub(super) dropped: Vec<PathBuf>,
     pub(super) notice: Option<(String, Instant)>,
     pub(super) log: EventLog,
@@ -78,10 +80,10 @@ impl Viewer {
     ) -> anyhow::Result<Viewer> {
         let [width, height] = options.size;
         let attributes = Window::default_attributes()
-            .with_title(title(&options.inputs))
+            .with_title(title(&options.view.inputs))
             .with_inner_size(winit::dpi::LogicalSize::new(width, height))
             .with_min_inner_size(winit::dpi::LogicalSize::new(480, 320));
-        let window = Arc::new(events.create_window(attributes).context(NO_WINDOW)?);
+        let window = Arc::new(events.create_window(attributes).context(NoWindow)?);
         let gpu = Gpu::for_window(&options.gpu, &window)?;
         let pixels: [u32; 2] = window.inner_size().into();
         let swapchain = Swapchain::new(&gpu, window.clone(), pixels, LIMITS.frames_in_flight)?;
@@ -97,9 +99,11 @@ impl Viewer {
             None,
         );
         let (news, made) = (Arc::clone(&wake), Arc::clone(&wake));
-        let mut data = Data::open(&gpu, options.inputs.clone(), options.data.clone(), move || news())?;
+        let view = options.view.clone();
+        let mut data =
+            Data::open(&gpu, view.inputs.clone(), &view.hidden, view.data.clone(), move || news())?;
         data.hold_uploads(true);
-        let is_bridged = options.data.visibility.bridge > 0;
+        let is_bridged = view.data.visibility.bridge > 0;
         let pipelines = Pipelines::make(&gpu, data.scene().pool().access(), is_bridged, move || made());
         window.request_redraw();
         Ok(Viewer {
@@ -116,16 +120,12 @@ impl Viewer {
             context,
             window,
             wake,
-            navigation: Navigation::new(Projection::Perspective { fov: options.fov })?,
+            navigation: Navigation::new(view.fov)?,
             input: InputState::default(),
             modifiers: ModifiersState::empty(),
             panel: Panel::default(),
-            settings: Settings {
-                color: options.color.unwrap_or(ColorMode::Height),
-                visibility: options.data.visibility,
-                z_scale: options.z_scale,
-                shade: Shade::Lit,
-            },
+            settings: settings_of(&view),
+            view,
             redraw: Redraw::new(started),
             drawing: None,
             timing: FrameTiming::new(started),
@@ -143,14 +143,44 @@ impl Viewer {
         self.notice = Some((words, Instant::now() + NOTICE));
     }
 
+    /// Opens what `view` says in the place of all that is open.
+    pub fn reopen(&mut self, view: ViewOptions) -> anyhow::Result<()> {
+        // What is not of the view, but of this machine, stays as it is.
+        let data = super::data::ReadOptions {
+            host_bytes: self.view.data.host_bytes,
+            device_bytes: self.view.data.device_bytes,
+            cache: self.view.data.cache.clone(),
+            ..view.data.clone()
+        };
+        self.view = ViewOptions { data: data.clone(), ..view };
+        self.saving = None;
+        self.canvas.clear();
+        self.navigation.forget();
+        self.settings = settings_of(&self.view);
+        self.data.reopen(&self.gpu, self.view.inputs.clone(), &self.view.hidden, data)?;
+        self.name_window(&self.view.inputs);
+        self.log.line(format_args!("opened {} inputs", self.view.inputs.len()));
+        self.window.request_redraw();
+        Ok(())
+    }
+
+    /// Calls the window by what is open.
+    pub fn name_window(&self, inputs: &[OsString]) {
+        self.window.set_title(&title(inputs));
+    }
+
     /// Whether scene and colours are what the settings say.
     pub fn is_applied(&self) -> bool {
         self.data.scene().visibility() == self.settings.visibility
-            && self.canvas.has_colors_of(&self.settings)
+            && self.canvas.has_colors_of(&self.data, &self.settings)
     }
 
     /// Makes the scene and the colours what the settings say.
     pub fn apply_settings(&mut self) -> anyhow::Result<()> {
+        if self.data.about().is_some_and(|about| !modes(Some(about)).any(|of| of == self.settings.color)) {
+            self.settings.color = ColorMode::Height;
+            self.notify("No file has RGB: heights are shown");
+        }
         let visibility = self.settings.visibility;
         if self.data.scene().visibility() != visibility {
             let shown: Vec<_> = (0..=255u8).filter(|&c| visibility.classes.shows(c)).collect();
@@ -159,11 +189,25 @@ impl Viewer {
             self.redraw.outdate();
         }
         if self.canvas.apply_colors(&self.data, &self.settings)? {
-            self.log.line(format_args!("color {}", self.settings.color.name()));
+            let (name, scale) = (self.settings.color.name(), self.settings.scale());
+            let ramp = scale.ramp.map_or("usual".to_owned(), |ramp| ramp.name());
+            let range = self.canvas.colors().and_then(|(_, table)| table.range);
+            let range = range.map_or(String::new(), |(low, high)| format!(" {low:.2},{high:.2}"));
+            self.log.line(format_args!("color {name} {ramp}{range}"));
             self.redraw.outdate();
         }
         Ok(())
     }
+}
+
+/// What is chosen at first.
+fn settings_of(view: &ViewOptions) -> Settings {
+    let color = view.color.unwrap_or(ColorMode::Height);
+    let (mut heights, mut intensities) = (Scale::default(), Scale::default());
+    let chosen = if color == ColorMode::Intensity { &mut intensities } else { &mut heights };
+    *chosen = Scale { ramp: view.ramp, range: view.range };
+    let visibility = view.data.visibility;
+    Settings { color, heights, intensities, visibility, z_scale: view.z_scale, shade: view.shade }
 }
 
 /// What the window is called: by its inputs, of many the first.

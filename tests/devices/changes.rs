@@ -15,7 +15,7 @@ use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::source::LidarFile;
 use lasray::source::learned::Cache;
-use lasray::source::placement::{Placement, PlacementOptions};
+use lasray::source::placement::{Placement, PlacementOptions, Treatment};
 use lasray::view;
 use std::fs;
 use std::path::PathBuf;
@@ -46,7 +46,7 @@ impl Seen {
             cache,
         };
         let inputs = paths.iter().map(|path| path.clone().into_os_string()).collect();
-        let data = view::data::Data::open(&gpu, inputs, options, || ()).unwrap();
+        let data = view::data::Data::open(&gpu, inputs, &[], options, || ()).unwrap();
         Seen { gpu, data, camera }
     }
 
@@ -195,21 +195,53 @@ fn files_that_are_dropped_come_to_those_that_are_there() {
         let mut seen = Seen::open(setup.gpu(), std::slice::from_ref(&first), camera);
         seen.data.add(vec![unnamed.clone().into()]);
         seen.until(|data| data.about().unwrap().files.len() == 2);
-        seen.data.add(vec![third.into()]);
+        let [said] = &seen.data.take_notices()[..] else { panic!("once, and of the one that was dropped") };
+        assert!(said.starts_with("unnamed.las: names no coordinate system, and is taken to be in"), "{said}");
+        let treatments = seen.data.about().unwrap().files.iter().map(|file| file.treatment.clone());
+        let [Treatment::Placed, Treatment::Assumed { .. }] = treatments.collect::<Vec<_>>()[..] else {
+            panic!("what was done with each")
+        };
+        seen.data.add(vec![third.clone().into()]);
         seen.until(|data| data.about().unwrap().files.len() == 3);
         let picture = seen.picture();
         assert_eq!(scene::pixels_that_differ(&picture, &together.picture()), 0);
 
         // What does not fit is named, and nothing else happens.
-        seen.data.add(vec![other.into(), first.into()]);
+        seen.data.take_notices();
+        seen.data.add(vec![other.into(), first.clone().into()]);
         seen.until(|data| data.status().messages.iter().any(|line| line.contains("not added")));
         assert!(seen.says("other.las: left out: its coordinate system is"), "{:?}", seen.data.status());
+        let [said] = &seen.data.take_notices()[..] else { panic!("once") };
+        assert!(said.starts_with("other.las: left out: its coordinate system is"), "{said}");
         seen.data.add(vec![unnamed.into()]);
         seen.until(|data| data.status().messages.iter().any(|line| line.contains("open already")));
         seen.data.add(vec![folder.path().join("nowhere.las").into()]);
         seen.until(|data| data.status().messages.iter().any(|line| line.contains("nowhere.las: not added")));
-        assert_eq!((seen.data.about().unwrap().files.len(), seen.data.inputs().len()), (3, 3));
+        assert_eq!((seen.data.about().unwrap().files.len(), seen.data.shown_inputs(false).len()), (3, 3));
         assert_eq!(scene::pixels_that_differ(&seen.picture(), &picture), 0);
+        // They stay in the list of those that are not shown.
+        let refused: Vec<_> = seen.data.refused().iter().map(|of| (of.short_name(), of.badge)).collect();
+        assert_eq!(refused, [("other.las", "left out"), ("nowhere.las", "failed")]);
+
+        // What is hidden or removed is neither framed nor named to others; what is removed can be opened again.
+        let whole = seen.data.about().unwrap().shown_hull().bounds();
+        seen.data.set_visible(2, false);
+        let part = seen.data.about().unwrap().shown_hull().bounds();
+        assert!(
+            part.max.x < whole.max.x - 50.0 && (part.min.x - whole.min.x).abs() < 1.0,
+            "{part:?} of {whole:?}"
+        );
+        assert_eq!(seen.data.hidden_files().collect::<Vec<_>>(), [&*third]);
+        seen.data.remove(0);
+        let rest = seen.data.about().unwrap().shown_hull().bounds();
+        assert!(rest.min.x > whole.min.x + 50.0, "{rest:?} of {whole:?}");
+        assert_eq!(seen.data.shown_inputs(false).len(), 1);
+        seen.until(|_| true);
+        seen.data.set_visible(2, true);
+        seen.data.add(vec![first.into()]);
+        seen.until(|data| data.about().unwrap().files.len() == 4);
+        assert_eq!(scene::pixels_that_differ(&seen.picture(), &picture), 0, "all is back");
+        assert_eq!(seen.data.shown_inputs(false).len(), 3);
         assert_eq!(seen.gpu.messages(), [""; 0]);
     });
 }

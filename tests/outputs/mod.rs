@@ -19,7 +19,7 @@ enum Use {
 }
 
 /// Every argument that takes the name of a file.
-const ARGUMENTS: [(&str, &str, Use); 14] = [
+const ARGUMENTS: [(&str, &str, Use); 16] = [
     ("bench", "inputs", Use::Reads),
     ("bench", "json", Use::Writes),
     ("bench", "path", Use::Reads),
@@ -31,9 +31,11 @@ const ARGUMENTS: [(&str, &str, Use); 14] = [
     ("render", "output", Use::Writes),
     ("render", "path", Use::Reads),
     ("synth", "out", Use::Writes),
+    ("view", "hidden", Use::Reads),
     ("view", "inputs", Use::Reads),
     ("view", "json", Use::Writes),
     ("view", "path", Use::Reads),
+    ("view", "saved", Use::Reads),
 ];
 
 /// Command lines in which `TO` is written; the argument that they try.

@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 #[command(allow_negative_numbers = true)]
 pub struct Args {
     /// Files, folders, @lists and patterns; a name of a picture at their end is that of the picture to write
-    #[arg(required_unless_present = "demo", value_name = "INPUT")]
+    #[arg(required_unless_present_any = ["demo", "path"], value_name = "INPUT")]
     pub(super) inputs: Vec<OsString>,
     /// Picture to write: .png, .jpg or .exr; with --each, {stem} stands for the input's name; with --path, %d or
     /// %04d for the number of the picture, from 0 [default: the first input's name, .png, in the current folder]
@@ -83,7 +83,8 @@ pub struct Args {
         value_name = "UNITS"
     )]
     pub(super) ortho: Option<Ortho>,
-    /// Camera path to draw, a picture a frame: see docs/camera-paths.md
+    /// Camera path to draw, a picture a frame (see docs/camera-paths.md); without inputs a saved view, with its files,
+    /// colours and layers
     #[arg(long, conflicts_with_all = ["eye", "target", "orbit", "fov", "ortho", "each"], help_heading = "Camera", value_name = "FILE")]
     pub(super) path: Option<PathBuf>,
     /// Pictures to draw, spread evenly over the path [default: all of its frames]
@@ -158,6 +159,11 @@ pub struct Args {
 }
 
 impl Args {
+    /// The camera path that is to say what is drawn: without inputs.
+    pub fn saved_view(&self) -> Option<&Path> {
+        self.path.as_deref().filter(|_| self.inputs.is_empty())
+    }
+
     /// Where it is kept what was learned of files.
     pub(super) fn cache(&self) -> Option<Cache> {
         if self.no_cache { None } else { Cache::of_user() }

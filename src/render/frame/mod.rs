@@ -15,9 +15,10 @@ pub(super) use bands::Band;
 pub use bands::check_size;
 pub use error::FrameError;
 pub use log::{LOG_STEP, LOG_WORDS};
+pub(super) use mirrors::sun;
 pub(crate) use mirrors::{FrameConstants, FramePush, halves};
 #[cfg(feature = "view")]
-pub(super) use mirrors::{HitRecord, sample_at, sun};
+pub(super) use mirrors::{HitRecord, sample_at};
 pub use options::{Background, Logged, PASSES, PassOptions, PassRepeats, Shade, Traversal, View};
 #[cfg(feature = "view")]
 pub use pipelines::pipeline_descs;

@@ -1,0 +1,129 @@
+//! The part of the panel about colours: the mode, its ramp and range, its legend.
+
+use super::data::DataAbout;
+use super::settings::{Scale, Settings, modes};
+use super::widgets::{WEAK, swatch, weak};
+use crate::attribute::{ColorMode, ColorTable, Ramp, ReturnKind};
+use clap::ValueEnum;
+use egui::{
+    Align, Align2, Button, ComboBox, DragValue, FontId, Layout, Mesh, Pos2, Sense, Shape, Ui, pos2, vec2,
+};
+
+const RETURNS: [ReturnKind; 5] =
+    [ReturnKind::Single, ReturnKind::First, ReturnKind::Intermediate, ReturnKind::Last, ReturnKind::Unknown];
+
+/// The ramp, with the values at its ends and in its middle.
+fn legend(ui: &mut Ui, table: &ColorTable, (low, high): (f64, f64), unit: &str) {
+    let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 14.0), Sense::hover());
+    let mut mesh = Mesh::default();
+    for (k, [r, g, b, _]) in table.table.iter().enumerate().step_by(3) {
+        let [r, g, b] = [r, g, b].map(|v| (v * 255.0).round() as u8);
+        let x = rect.left() + rect.width() * k as f32 / 255.0;
+        for y in [rect.top(), rect.bottom()] {
+            mesh.colored_vertex(pos2(x, y), egui::Color32::from_rgb(r, g, b));
+        }
+        if k > 0 {
+            let n = mesh.vertices.len() as u32;
+            mesh.add_triangle(n - 4, n - 3, n - 2);
+            mesh.add_triangle(n - 3, n - 2, n - 1);
+        }
+    }
+    ui.painter().add(Shape::mesh(mesh));
+    let digits = if high - low < 20.0 { 1 } else { 0 };
+    let number = |v: f64| format!("{v:.digits$}");
+    let (line, _) = ui.allocate_exact_size(vec2(ui.available_width(), 14.0), Sense::hover());
+    let font = FontId::proportional(11.0);
+    let words = [number(low), number((low + high) / 2.0), format!("{} {unit}", number(high))];
+    let aligns = [Align2::LEFT_CENTER, Align2::CENTER_CENTER, Align2::RIGHT_CENTER];
+    let places = [line.left_center(), line.center(), line.right_center()];
+    for ((words, align), at) in words.into_iter().zip(aligns).zip(places) {
+        ui.painter().text(at, align, words, font.clone(), WEAK);
+    }
+}
+
+/// Chooses the ramp and the values at its ends.
+fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), places: &mut Vec<(String, Pos2)>) {
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 4.0;
+        let name = scale.ramp.map_or("usual ramp".to_owned(), Ramp::name);
+        let ramps = ComboBox::from_id_salt("ramp").width(92.0).selected_text(name).show_ui(ui, |ui| {
+            ui.selectable_value(&mut scale.ramp, None, "usual ramp");
+            for ramp in Ramp::value_variants() {
+                let choice = ui.selectable_value(&mut scale.ramp, Some(*ramp), ramp.name());
+                places.push((format!("ramp {}", ramp.name()), choice.rect.center()));
+            }
+        });
+        places.push(("ramps".to_owned(), ramps.response.rect.center()));
+        let (mut low, mut high) = shown;
+        let step = ((high - low) / 200.0).max(1e-3);
+        let digits = if high - low < 20.0 { 2 } else { 1 };
+        let mut value = |ui: &mut Ui, value: &mut f64, name: &str| {
+            let edit = DragValue::new(value).speed(step).max_decimals(digits).update_while_editing(false);
+            let edit = ui.add_sized(vec2(54.0, 18.0), edit).on_hover_text(format!("{name} end of the ramp"));
+            places.push((format!("range {name}"), edit.rect.center()));
+            edit.changed()
+        };
+        let is_changed = value(ui, &mut low, "low") | value(ui, &mut high, "high");
+        if is_changed && low < high {
+            scale.range = Some((low, high));
+        }
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            let is_chosen = *scale != Scale::default();
+            let reset =
+                ui.add_enabled(is_chosen, Button::new("↺").small()).on_hover_text("as chosen from the data");
+            places.push(("reset ramp".to_owned(), reset.rect.center()));
+            if reset.clicked() {
+                *scale = Scale::default();
+            }
+        });
+    });
+}
+
+/// The part. `places`: where what can be clicked lies, by names.
+pub fn show(
+    ui: &mut Ui,
+    settings: &mut Settings,
+    (about, colors): (Option<&DataAbout>, Option<&ColorTable>),
+    places: &mut Vec<(String, Pos2)>,
+) {
+    let unit = about.and_then(|about| about.unit.as_ref()).map_or("", |u| u.symbol());
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 2.0;
+        for mode in modes(about) {
+            let words = match mode {
+                ColorMode::Rgb => "RGB",
+                ColorMode::Height => "Height",
+                ColorMode::Class => "Class",
+                ColorMode::Intensity => "Intensity",
+                ColorMode::Return => "Return",
+            };
+            let choice = ui.selectable_value(&mut settings.color, mode, words);
+            places.push((format!("mode {}", mode.name()), choice.rect.center()));
+        }
+    });
+    let Some(table) = colors else { return };
+    if let Some(constant) = &table.constant {
+        ui.label(weak(constant));
+        return;
+    }
+    match (table.mode, table.range) {
+        (mode, Some(range)) => {
+            legend(ui, table, range, if mode == ColorMode::Height { unit } else { "" });
+            if let Some(scale) = settings.scale_mut() {
+                choices(ui, scale, range, places);
+            }
+        }
+        (ColorMode::Return, None) => {
+            for kind in RETURNS {
+                ui.horizontal(|ui| {
+                    swatch(ui, kind.color());
+                    ui.label(kind.name());
+                });
+            }
+        }
+        (ColorMode::Class, None) => {
+            ui.label(weak("the colours of the list of classes"));
+        }
+        (_, None) => {}
+    }
+}
