@@ -122,6 +122,11 @@ impl OpenBox {
     ) -> Option<bool> {
         let id = ui.id().with("path");
         self.look();
+        if focus {
+            // Before the field takes the keys of this frame.
+            ui.memory_mut(|memory| memory.request_focus(id));
+            self.to_end(ui, id);
+        }
         // Tab goes on in the path, not to another widget.
         let is_tab = ui.memory(|memory| memory.has_focus(id))
             && ui.input_mut(|input| input.consume_key(Modifiers::NONE, Key::Tab));
@@ -134,15 +139,20 @@ impl OpenBox {
         let edit = ui.add(edit.hint_text("folder, files or a saved view").desired_width(420.0));
         places.push(("open box".to_owned(), edit.rect.center()));
         if focus {
+            // A box that is new has had no field until now.
             edit.request_focus();
-            self.to_end(ui, id);
         }
-        let is_pressed = ui.input(|input| input.key_pressed(Key::Enter));
-        let is_control = ui.input(|input| input.modifiers.command);
+        // With the keys that were down as it went down: by the end of a long frame they may be up again.
+        let pressed = ui.input(|input| {
+            input.events.iter().find_map(|event| match event {
+                egui::Event::Key { key: Key::Enter, pressed: true, modifiers, .. } => Some(modifiers.command),
+                _ => None,
+            })
+        });
         // The field itself ends by the plain key alone.
-        let mut done = match is_pressed {
-            true if edit.lost_focus() => Some(false),
-            true if edit.has_focus() && is_control => Some(true),
+        let mut done = match pressed {
+            Some(false) if edit.lost_focus() => Some(false),
+            Some(true) if edit.has_focus() => Some(true),
             _ => None,
         };
         if let Some(refused) = refused {
