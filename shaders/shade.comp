@@ -153,7 +153,8 @@ void main() {
             float lit = max(dot(normal, frame.sun), 0.0);
             vec3 sunlight = vec3(1.0, 0.96, 0.88) * 2.00 * lit * mix(0.5, 1.0, sky_seen);
             vec3 skylight = vec3(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky_seen * sky_seen;
-            float bounce = 0.05 * (1.0 - 0.6 * normal.z);
+            // From the ground: sides, which maps do not show, would be black in the shade.
+            float bounce = 0.02 + 0.20 * (1.0 - normal.z) * (1.0 - normal.z);
             vec3 light = sunlight + skylight * 0.28 + bounce;
             // Photographs hold light already.
             if (frame.color_source == COLOR_RGB) light = mix(vec3(1.2), light, 0.6);

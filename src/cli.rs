@@ -4,7 +4,7 @@ use crate::command::{self, UsageError, saved};
 use crate::source::length::Length;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, Parser, Subcommand};
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
 /// Opens raw airborne LiDAR (LAS, LAZ, COPC) and ray-traces it on any Vulkan GPU
@@ -55,17 +55,22 @@ impl Cli {
         };
         let (words, file) = match &cli.command {
             Command::Render(args) => match args.saved_view() {
-                Some(file) => (with_view("render", words, file, false)?, file),
+                Some((file, picture)) => {
+                    let mut typed = words;
+                    // The picture comes behind the inputs.
+                    let picture = picture.map(|picture| take_word(&mut typed, picture));
+                    let mut words = with_view("render", typed, file, false)?;
+                    words.extend(picture);
+                    (words, file)
+                }
                 None => return Ok(cli),
             },
             #[cfg(feature = "view")]
             Command::View(args) => match args.saved_view() {
                 // The camera is looked through.
                 Some((file, true)) => {
-                    let is_file = |word: &OsString| word == file.as_os_str();
-                    let at = words.iter().rposition(is_file).expect("it was typed");
                     let mut typed = words;
-                    typed.remove(at);
+                    take_word(&mut typed, file.as_os_str());
                     let mut saved = OsString::from("--saved=");
                     saved.push(file);
                     // Behind the command's name.
@@ -80,6 +85,15 @@ impl Cli {
         };
         Cli::try_parse_from(words).map_err(|error| saved::wrong_option(file, &error))
     }
+}
+
+/// Takes the input `word` out of `words`, which hold it: not the value of an option, where there is another.
+fn take_word(words: &mut Vec<OsString>, word: &OsStr) -> OsString {
+    let is_word = |at: &usize| words[*at] == *word;
+    let is_value = |at: usize| words[at - 1].to_string_lossy().starts_with("--") && words[at - 1] != "--";
+    let all: Vec<usize> = (1..words.len()).filter(is_word).collect();
+    let at = all.iter().copied().find(|&at| !is_value(at)).unwrap_or(all[0]);
+    words.remove(at)
 }
 
 /// The words of the command line, with `view` where inputs stand in the place of a command, or nothing does, and the number

@@ -1,7 +1,6 @@
 //! From inputs to sections: open, choose once for all files, read and bin. What every command starts with.
 
-use crate::attribute::AttributeSummary;
-use crate::attribute::{ColorMode, Kinds};
+use crate::attribute::{AttributeSummary, ColorMode, Kinds};
 use crate::coords::{
     Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, Hull, LowSurface, SectionKey, Slab, height_step,
 };

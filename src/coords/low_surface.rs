@@ -7,6 +7,8 @@ use std::sync::Arc;
 
 /// Cells each way.
 pub const LOW_SIDE: usize = GROUND_SIDE as usize;
+/// What lies on a cell's border but for rounding lies on it, wherever in its CRS the data lies; in cells.
+const ON_BORDER: f64 = 1e-6;
 /// Share of a cell's points below its height: strays below the ground are fewer.
 const LOW: f64 = 0.02;
 /// Cells each way of the blocks that tell how steep the ground is.
@@ -75,16 +77,20 @@ impl LowSurface {
         south + (north - south) * beyond.y
     }
 
-    /// With that of what lies elsewhere, or beside it: where both are, its own.
+    /// With that of what lies elsewhere, or beside it: where both are, the lower.
     pub fn joined(&self, other: &LowSurface) -> LowSurface {
         let ends = |of: &LowSurface| [of.origin, of.origin + of.cell * LOW_SIDE as f64];
         let [own, others] = [ends(self), ends(other)];
         let (origin, end) = (own[0].min(others[0]), own[1].max(others[1]));
-        let cell = (end - origin) / LOW_SIDE as f64;
+        let cell = ((end - origin) / LOW_SIDE as f64).max(DVec2::splat(f64::MIN_POSITIVE));
         let off = |[low, high]: [DVec2; 2], at: DVec2| at.distance(at.clamp(low, high));
         let height = |k: usize| {
             let at = origin + cell * (DVec2::new((k % LOW_SIDE) as f64, (k / LOW_SIDE) as f64) + 0.5);
-            if off(own, at) <= off(others, at) { self.at(at) } else { other.at(at) }
+            match off(own, at).total_cmp(&off(others, at)) {
+                std::cmp::Ordering::Less => self.at(at),
+                std::cmp::Ordering::Equal => self.at(at).min(other.at(at)),
+                std::cmp::Ordering::Greater => other.at(at),
+            }
         };
         LowSurface { origin, cell, heights: (0..LOW_SIDE * LOW_SIDE).map(height).collect() }
     }
@@ -104,7 +110,7 @@ impl LowSurface {
     fn lowest(&self, points: &[DVec3]) -> Vec<Option<f64>> {
         let mut cells: Vec<Vec<f64>> = vec![Vec::new(); LOW_SIDE * LOW_SIDE];
         for point in points {
-            let on = ((point.truncate() - self.origin) / self.cell).floor();
+            let on = ((point.truncate() - self.origin) / self.cell + ON_BORDER).floor();
             let [i, j] = on.to_array().map(|v| v.clamp(0.0, (LOW_SIDE - 1) as f64) as usize);
             cells[j * LOW_SIDE + i].push(point.z);
         }
@@ -206,6 +212,40 @@ mod tests {
         let house = |x: f64, y: f64| x < 12.0 && (30.0..50.0).contains(&y);
         let surface = LowSurface::of(&bounds(), &points(|x, y| Some(if house(x, y) { 12.0 } else { 0.0 })));
         assert!(surface.at(DVec2::new(1000.0, 2040.0)) < 2.0);
+    }
+
+    #[test]
+    fn it_is_the_same_wherever_it_lies() {
+        // Centimetres, on the borders of many cells.
+        let points = |by: [f64; 2]| -> Vec<DVec3> {
+            let at = |k: i32, by: f64| f64::from(k) * 0.01 + by;
+            let all = (0..=154).flat_map(|i| (0..=154).map(move |j| (i * 16, j * 16)));
+            all.map(|(i, j)| DVec3::new(at(i, by[0]), at(j, by[1]), f64::from((i * 7 + j * 13) % 90)))
+                .collect()
+        };
+        let surface = |by: [f64; 2]| {
+            let min = DVec3::new(by[0], by[1], 0.0);
+            let bounds = Bounds { min, max: DVec3::new(24.64 + by[0], 24.64 + by[1], 90.0) };
+            LowSurface::of(&bounds, &points(by)).heights
+        };
+        let (near, far) = (surface([50.0, 70.0]), surface([500_050.0, 6_000_070.0]));
+        let most = near.iter().zip(&far).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(most < 1e-5, "{most}");
+    }
+
+    #[test]
+    fn those_of_two_places_are_joined() {
+        let flat = |east: f64, z: f64| {
+            let min = DVec3::new(1000.0 + east, 2000.0, z);
+            let bounds = Bounds { min, max: min + DVec3::new(64.0, 64.0, 0.0) };
+            LowSurface::of(&bounds, &[bounds.center()])
+        };
+        let joined = flat(0.0, 5.0).joined(&flat(128.0, 300.0));
+        let at = |east: f64| joined.at(DVec2::new(1000.0 + east, 2032.0));
+        assert_eq!([at(10.0), at(180.0)], [5.0, 300.0]);
+        assert_eq!(flat(0.0, 5.0).joined(&flat(0.0, 3.0)).at(DVec2::new(1030.0, 2030.0)), 3.0);
+        let point = LowSurface::of(&Bounds { min: DVec3::ONE, max: DVec3::ONE }, &[DVec3::ONE]);
+        assert_eq!(point.joined(&point).at(DVec2::ONE), 1.0);
     }
 
     #[test]

@@ -40,7 +40,7 @@ pub struct PickedPoint {
     pub shown: DVec3,
     /// True height of the record, to half a step of the heights' lattice: the highest of its column that is shown.
     pub height: f64,
-    /// Class of the record.
+    /// Class of the record; of one that is as high, where near ties count: see [`crate::resident::visibility::Visibility`].
     pub class: u8,
     /// How far the place lies below the record, on the column's side (or within it, where the eye is); `None`: on its top.
     pub below: Option<f64>,

@@ -21,9 +21,18 @@ use std::sync::Arc;
 
 /// Most height steps a cell by which the ends of a gap may differ and it still be a slope: the ends of a gap are up to five
 /// cells apart, and their rise must fit a signed number of 32 bits.
-/// Heights that differ by less than this share of a cell's side are alike where near ties count: 6 cm in cells of 0.5 m.
-const TIE: f64 = 0.125;
 const STEEPEST: f64 = (i32::MAX / 5) as f64;
+/// Heights are alike, where near ties count, if they differ by less than this share of a finest cell's side,
+const TIE: f64 = 0.125;
+/// and by no more units.
+const MOST_TIE: f64 = 0.1;
+
+/// Heights that differ by no more lattice steps are alike where near ties count, at every level of detail.
+fn tie_steps(grid: &Grid) -> u32 {
+    let units = (TIE * grid.cell()).min(MOST_TIE);
+    (units / grid.height_step).clamp(1.0, STEEPEST) as u32
+}
+
 /// What has been copied and derived since the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
@@ -408,11 +417,7 @@ impl Scene {
             near,
             // Gaps steeper than 45° are edges.
             steepest: self.grid.cell_steps(key.section.level).clamp(1.0, STEEPEST) as u32,
-            tie: if has_ties {
-                (self.grid.cell_steps(key.section.level) * TIE).clamp(1.0, STEEPEST) as u32
-            } else {
-                0
-            },
+            tie: if has_ties { tie_steps(&self.grid) } else { 0 },
             wide: code.wide,
             all: !has_ties && version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w)),
             changed,

@@ -13,7 +13,8 @@ pub struct Visibility {
     pub withheld: bool,
     /// Longest hole to bridge, cells (0 to 4).
     pub bridge: u32,
-    /// Of points that are as high as a column's top but for an eighth of a cell's side, it shows one whose class tells more.
+    /// Of points that are as high as a column's top but for an eighth of a finest cell's side, at most 0.1 units, it shows one
+    /// whose class tells more.
     pub near_ties: bool,
 }
 

@@ -192,7 +192,11 @@ impl Viewer {
     }
 
     /// Does what was asked for with a file of the list.
-    pub(super) fn do_with_file(&mut self, request: FileRequest) -> anyhow::Result<()> {
+    pub(super) fn do_with_file(
+        &mut self,
+        options: &WindowOptions,
+        request: FileRequest,
+    ) -> anyhow::Result<()> {
         match request {
             FileRequest::Show(file, is_shown) => {
                 self.log.line(format_args!("file {file} {}", if is_shown { "shown" } else { "hidden" }));
@@ -212,7 +216,7 @@ impl Viewer {
                 self.data.remove(file);
                 if self.data.is_emptied() {
                     // What comes next has a world of its own.
-                    self.reopen(self.view.of_others(Vec::new()))?;
+                    self.reopen(options.view.of_others(Vec::new()))?;
                 }
             }
             FileRequest::Dismiss(refused) => self.data.dismiss(refused),

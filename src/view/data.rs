@@ -247,6 +247,8 @@ pub struct Data {
     /// What points there are, and the number of that knowledge.
     kinds: KindCounts,
     kinds_version: Option<[u64; 2]>,
+    /// When they came.
+    kinds_asked: Option<Instant>,
     /// When that was asked for.
     counted: Instant,
     is_count_due: bool,
@@ -290,6 +292,7 @@ impl Data {
             now: live::Status::default(),
             kinds: KindCounts::default(),
             kinds_version: None,
+            kinds_asked: None,
             counted: Instant::now(),
             is_count_due: true,
             is_complete: false,
@@ -386,7 +389,7 @@ impl Data {
                 // Only now it is known what they come to.
                 Purpose::More(inputs) if self.about.is_some() && !is_of_world => self.open_more(inputs),
                 Purpose::More(inputs) if self.about.is_some() => self.join(inputs, come),
-                Purpose::Again(files) => self.renew(&files, come.opening, come.problems),
+                Purpose::Again(files) => self.renew(&files, come),
                 Purpose::First | Purpose::More(_) => tick.is_new_scene |= self.show_first(gpu, come)?,
             }
         }
@@ -417,7 +420,10 @@ impl Data {
             self.failed = now.stuck.then(|| why.to_owned()).or_else(|| live.failed());
         }
         if tick.changed || self.is_count_due || self.counted.elapsed() > COUNT_EVERY {
-            let (now, kinds) = (live.try_status(scene), live.try_kinds(self.kinds_version));
+            let now = live.try_status(scene);
+            // All files are gone through for them.
+            let is_due = self.kinds_asked.is_none_or(|asked| asked.elapsed() > COUNT_EVERY);
+            let kinds = if is_due || self.is_complete { live.try_kinds(self.kinds_version) } else { None };
             // A thread was in the way: what it has read last is to be told, too.
             self.is_count_due = now.is_none();
             tick.is_busy |= self.is_count_due;
@@ -427,6 +433,7 @@ impl Data {
             }
             if let Some((version, kinds)) = kinds {
                 (self.kinds_version, self.kinds) = (Some(version), kinds);
+                self.kinds_asked = Some(Instant::now());
             }
         }
         let (errors, warnings) = (live.take_errors(), live.take_warnings());
@@ -599,7 +606,8 @@ impl Data {
     }
 
     /// Files that have changed are opened: in the place of what they were.
-    fn renew(&mut self, files: &[usize], opening: Result<Opening, LoadError>, problems: Problems) {
+    fn renew(&mut self, files: &[usize], come: Opened) {
+        let Opened { opening, problems, fates, .. } = come;
         self.take_in(problems);
         let (opening, why) = match opening {
             Ok(opening) if self.reaches(&opening) => (Some(opening), String::new()),
@@ -620,6 +628,9 @@ impl Data {
         let (mut new, mut said) = (Vec::new(), Vec::new());
         for &number in files {
             let file = &mut about.files[number];
+            if file.is_removed {
+                continue;
+            }
             let path = file.path.display();
             match inputs.remove(&file.path) {
                 // It may be gone again since, which was told then.
@@ -629,7 +640,12 @@ impl Data {
                     if std::mem::take(&mut file.is_gone) && file.shown {
                         back.push(file.source);
                     }
-                    let (shown, source, treatment) = (file.shown, file.source, file.treatment.clone());
+                    let (shown, source) = (file.shown, file.source);
+                    let treatment = fates.iter().find_map(|(path, fate)| match fate {
+                        Fate::Shown(treatment) if *path == file.path => Some(treatment.clone()),
+                        _ => None,
+                    });
+                    let treatment = treatment.unwrap_or(file.treatment.clone());
                     *file = FileAbout { shown, source, ..file_about(&input, has_rgb, treatment) };
                     new.push((file.source, input));
                 }
@@ -700,6 +716,9 @@ impl Data {
         self.live = Some(live);
         self.new_scene(gpu, grid, self.scene().visibility())?;
         let hidden = std::mem::take(&mut self.hidden);
+        if hidden.is_empty() {
+            return Ok(());
+        }
         let is_hidden = |path: &Path| path.canonicalize().is_ok_and(|path| hidden.contains(&path));
         let files = self.about.iter().flat_map(|about| &about.files).enumerate();
         let unseen: Vec<_> = files.filter(|(_, file)| is_hidden(&file.path)).map(|(file, _)| file).collect();

@@ -167,7 +167,7 @@ impl Viewer {
             self.log.state("keys", format_args!("{whole} {left:.0} {top:.0} {right:.0} {bottom:.0}"));
         }
         if let Some(request) = requests.file {
-            self.do_with_file(request)?;
+            self.do_with_file(options, request)?;
         }
         if let Some(place) = requests.go_to
             && self.navigation.go_to(place, (&self.data, &self.settings, &self.canvas))

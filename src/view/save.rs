@@ -120,7 +120,8 @@ fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     if let Some((low, high)) = scale.range.or(chosen) {
         options.push(("range", text(format!("{},{}", tidy(low), tidy(high)))));
     }
-    let present = data.scene().kinds().union(&about.kinds).map(|(class, _)| *class).collect();
+    let counted = data.status().kinds.kinds();
+    let present = data.scene().kinds().union(&about.kinds).chain(&counted).map(|(class, _)| *class).collect();
     if let Some((name, list)) = classes(settings.visibility.classes, &present) {
         options.push((name, text(list)));
     }

@@ -42,6 +42,11 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// What is seen of the data: near ties count in lit images alone, as in `lasray render`.
+    pub fn seen(&self) -> Visibility {
+        Visibility { near_ties: self.shade == Shade::Lit, ..self.visibility }
+    }
+
     /// The ramp of the colour mode, where it has one.
     pub fn scale(&self) -> Scale {
         match self.color {

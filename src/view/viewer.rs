@@ -153,7 +153,9 @@ impl Viewer {
             ..view.data.clone()
         };
         self.view = ViewOptions { data: data.clone(), ..view };
-        self.saving = None;
+        if self.saving.take().is_some() {
+            self.notify("The picture was not saved: something else was opened");
+        }
         self.canvas.clear();
         self.navigation.forget();
         self.settings = settings_of(&self.view);
@@ -171,7 +173,7 @@ impl Viewer {
 
     /// Whether scene and colours are what the settings say.
     pub fn is_applied(&self) -> bool {
-        self.data.scene().visibility() == self.settings.visibility
+        self.data.scene().visibility() == self.settings.seen()
             && self.canvas.has_colors_of(&self.data, &self.settings)
     }
 
@@ -181,7 +183,7 @@ impl Viewer {
             self.settings.color = ColorMode::Height;
             self.notify("No file has RGB: heights are shown");
         }
-        let visibility = self.settings.visibility;
+        let visibility = self.settings.seen();
         if self.data.scene().visibility() != visibility {
             let shown: Vec<_> = (0..=255u8).filter(|&c| visibility.classes.shows(c)).collect();
             self.log.line(format_args!("classes shown {} bridge {}", shown.len(), visibility.bridge));

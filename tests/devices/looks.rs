@@ -129,6 +129,13 @@ fn the_data_fills_the_frame() {
             for orbit in ["0,35", "60,20"] {
                 let arguments = ["--size", &size, "--orbit", orbit, "--background", "none", "--samples", "1"];
                 assert_framed(&render(&set, &arguments).0, &format!("{name} from {orbit}"));
+                // Without light columns go down without end, but their tops are framed.
+                let exact = [&arguments[..], &["--shade", "none", "--detail", "1"]].concat();
+                let [[left, right], [top, _]] = render(&set, &exact).0.extent();
+                let [left, right, top] = [left, 1.0 - right, top];
+                println!("{name} from {orbit}, exact: {left:.3}, {right:.3}, {top:.3}");
+                assert!(left > 0.004 && right > 0.004 && top > 0.004, "{name} from {orbit}: cut off");
+                assert!((left - right).abs() < 0.08, "{name} from {orbit}: not in the middle");
             }
         }
     });

@@ -165,6 +165,11 @@ fn the_last_word_may_be_the_picture() {
         done(here, &format!("render tiles {name} --size 32x18"));
     }
     done(here, "render tiles --each {stem}.png --size 32x18");
+    // So it may of a saved view, whose inputs are not typed.
+    let camera = r#""version": 1, "keyframes": [{"time": 0, "eye": [0, 0, 900], "target": [0, 1, 0]}]"#;
+    fs::write(at("view.json"), format!(r#"{{{camera}, "view": {{"inputs": ["good.las"]}}}}"#)).unwrap();
+    let said = done(here, "render --path view.json seen.png --size 32x18");
+    assert!(said.contains("seen.png: 1 picture of 32x18 pixels") && at("seen.png").exists(), "{said}");
     assert!(at("a.png").exists() && at("b.png").exists());
     // A point cloud by its bytes is an input, whatever it is called.
     let said = done(here, "render good.las cloud.png -o both.png --size 32x18");

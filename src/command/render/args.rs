@@ -1,5 +1,6 @@
 //! The command line of `lasray render`.
 
+use super::names;
 use crate::attribute::{ClassMask, Ramp};
 use crate::command::placement::PlacementArgs;
 use crate::command::values::{
@@ -13,7 +14,7 @@ use crate::render::frame::{Background, Shade};
 use crate::render::image::Format;
 use crate::resident::visibility::Visibility;
 use crate::source::learned::Cache;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `lasray render`.
@@ -159,9 +160,14 @@ pub struct Args {
 }
 
 impl Args {
-    /// The camera path that is to say what is drawn: without inputs.
-    pub fn saved_view(&self) -> Option<&Path> {
-        self.path.as_deref().filter(|_| self.inputs.is_empty())
+    /// The camera path that is to say what is drawn, without inputs; and the picture, where its name is the only word.
+    pub fn saved_view(&self) -> Option<(&Path, Option<&OsStr>)> {
+        let picture = match &self.inputs[..] {
+            [] => None,
+            [only] if names::is_picture(only) => Some(&**only),
+            _ => return None,
+        };
+        self.path.as_deref().map(|path| (path, picture))
     }
 
     /// Where it is kept what was learned of files.

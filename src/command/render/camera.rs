@@ -3,7 +3,7 @@
 use super::args::Args;
 use crate::command::UsageError;
 use crate::command::values::Orbit;
-use crate::coords::{Bounds, Hull};
+use crate::coords::{Bounds, Grid, Hull};
 use crate::load::About;
 use crate::render::camera::{Camera, CameraError, DEFAULT_ORBIT, Projection};
 use crate::render::frame::Shade;
@@ -14,8 +14,9 @@ const PLUMB: f64 = 90.0;
 /// Most pixels each way of a picture that is as large as the data.
 const MOST_PIXELS: f64 = 65_536.0;
 
-/// What is framed of the data as they are shown; `cell`: side of a cell.
-pub(super) fn framed(args: &Args, about: &About, cell: f64) -> Hull {
+/// What is framed of the data as they are shown.
+pub(super) fn framed(args: &Args, about: &About, grid: &Grid) -> Hull {
+    let (cell, height_step) = (grid.cell(), grid.height_step);
     // A map is of the points' extent; in a view, the cells of a few points reach far beyond it.
     let hull = match args.ortho {
         Some(_) if about.hull.bounds().size().max_element() < cell => {
@@ -24,7 +25,11 @@ pub(super) fn framed(args: &Args, about: &About, cell: f64) -> Hull {
         Some(_) => about.hull.clone(),
         None => about.hull.of_cells(cell),
     };
-    let solid = if args.shade == Shade::Lit { hull.on_slab(&about.slab(cell)) } else { hull };
+    let solid = match args.shade {
+        // What is interpolated is rounded, so that it is the same wherever in its CRS the data lies.
+        Shade::Lit => hull.on_slab(&about.slab(cell)).snapped(height_step),
+        Shade::None => hull,
+    };
     solid.exaggerated(args.z_scale, about.bounds.min.z)
 }
 

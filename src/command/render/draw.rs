@@ -38,7 +38,7 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
     let (grid, about, content) = data.into_parts();
     let floor = about.floor(grid.cell());
     let (bounds, pivot, base) = (about.bounds, about.bounds.min.z, about.base);
-    let framed = framed(args, &about, grid.cell());
+    let framed = framed(args, &about, &grid);
     let units = match args.ortho {
         None => None,
         Some(Ortho(None)) => Some(grid.cell()),

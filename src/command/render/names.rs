@@ -12,7 +12,8 @@ use std::path::{Component, Path, PathBuf};
 /// Extensions of pictures, those that cannot be written among them.
 const PICTURES: [&str; 10] = ["png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "gif", "webp", "svg"];
 
-fn is_picture(word: &OsStr) -> bool {
+/// Whether a word is a picture's name.
+pub(super) fn is_picture(word: &OsStr) -> bool {
     let extension = Path::new(word).extension().and_then(OsStr::to_str).unwrap_or_default();
     PICTURES.iter().any(|picture| picture.eq_ignore_ascii_case(extension))
 }

@@ -128,7 +128,8 @@ impl GroundPlace {
             let first = (origin[axis] / cell).floor();
             let scale = cell / side[axis];
             let local = first as i64 - grid.anchor[axis];
-            let at = (first - origin[axis] / cell) * scale - 0.5;
+            // To a millionth of a height's distance: wherever in its CRS the data lies it is the same.
+            let at = (((first - origin[axis] / cell) * scale - 0.5) * 1048576.0).round() / 1048576.0;
             let local = local.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
             (local, scale.min(f64::from(f32::MAX)) as f32, at.max(f64::from(f32::MIN)) as f32)
         };

@@ -115,7 +115,7 @@ fn light(map: &ColumnMap, view: &View, hit: &Hit, is_slab: bool) -> DVec3 {
     };
     let sunlight = DVec3::new(1.0, 0.96, 0.88) * 2.00 * normal.dot(sun()).max(0.0) * (0.5 + 0.5 * sky);
     let skylight = DVec3::new(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky * sky;
-    let light = sunlight + skylight * 0.28 + 0.05 * (1.0 - 0.6 * normal.z);
+    let light = sunlight + skylight * 0.28 + 0.02 + 0.20 * (1.0 - normal.z).powi(2);
     // Photographs hold light already.
     if view.colors.mode == ColorMode::Rgb { DVec3::splat(1.2).lerp(light, 0.6) } else { light }
 }
