@@ -51,6 +51,18 @@ pub fn tidy(value: f64) -> String {
     fixed.trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
+/// Digits in groups of three: 1234567 → 1,234,567.
+pub fn grouped(digits: &str) -> String {
+    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
+    groups.join(",")
+}
+
+/// To two digits, as what is estimated is told.
+pub fn rounded(count: u64) -> u64 {
+    let unit = 10u64.pow(count.max(1).ilog10().saturating_sub(1));
+    (count + unit / 2) / unit * unit
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

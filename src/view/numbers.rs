@@ -1,5 +1,7 @@
 //! Numbers as the window shows them.
 
+use crate::text::{self, rounded};
+
 /// A number in few letters: 812, 45.1 k, 12.3 M, 3.21 G.
 pub fn short(n: u64) -> String {
     let scaled = |unit: f64, name: &str| {
@@ -17,8 +19,7 @@ pub fn short(n: u64) -> String {
 
 /// A number that is estimated: two digits, marked.
 pub fn rough(n: u64) -> String {
-    let power = 10u64.pow(n.max(1).ilog10().saturating_sub(1));
-    let rounded = (n + power / 2) / power * power;
+    let rounded = rounded(n);
     let scaled = |unit: u64, name: &str| match rounded / unit {
         ones @ 0..10 => format!("~{ones}.{} {name}", rounded % unit * 10 / unit),
         many => format!("~{many} {name}"),
@@ -33,9 +34,7 @@ pub fn rough(n: u64) -> String {
 
 /// A number with its digits in groups of three.
 pub fn grouped(n: u64) -> String {
-    let digits = n.to_string();
-    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(String::from_utf8_lossy).collect();
-    groups.join(",")
+    text::grouped(&n.to_string())
 }
 
 #[cfg(test)]

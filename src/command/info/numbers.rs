@@ -1,8 +1,10 @@
 //! Numbers as people read them.
 
+use crate::text::grouped;
+
 /// 1234567 → 1,234,567.
 pub(super) fn number(value: u64) -> String {
-    group(&value.to_string())
+    grouped(&value.to_string())
 }
 
 pub(super) fn fixed(value: f64, decimals: usize) -> String {
@@ -11,20 +13,9 @@ pub(super) fn fixed(value: f64, decimals: usize) -> String {
     // What rounds to nothing has no sign.
     let sign = if text.contains(|digit: char| ('1'..='9').contains(&digit)) { sign } else { "" };
     match text.split_once('.') {
-        Some((whole, part)) => format!("{sign}{}.{part}", group(whole)),
-        None => format!("{sign}{}", group(text)),
+        Some((whole, part)) => format!("{sign}{}.{part}", grouped(whole)),
+        None => format!("{sign}{}", grouped(text)),
     }
-}
-
-fn group(digits: &str) -> String {
-    let mut grouped = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            grouped.push(',');
-        }
-        grouped.push(digit);
-    }
-    grouped
 }
 
 /// Three digits that count.
@@ -36,15 +27,10 @@ pub(super) fn significant(value: f64) -> String {
     fixed(value, decimals)
 }
 
-/// To two digits.
-pub(super) fn rounded(count: u64) -> u64 {
-    let unit = 10u64.pow(count.max(1).ilog10().saturating_sub(1));
-    (count + unit / 2) / unit * unit
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::text::rounded;
 
     #[test]
     fn numbers_read_well() {

@@ -1,12 +1,13 @@
 //! The report as a page of text.
 
 use super::classes::ClassCount;
-use super::numbers::{fixed, number, rounded, significant};
+use super::numbers::{fixed, number, significant};
 use super::ranges::{Box3, Range};
 use super::report::{CrsReport, FileReport, InfoReport, Total};
 use super::scan::Scan;
 use super::table::{table, wrapped};
 use crate::source::crs::{CrsKind, Unit};
+use crate::text::rounded;
 use std::fmt::Write;
 
 /// More files than this stand in a table, one a line.
