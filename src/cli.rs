@@ -111,6 +111,16 @@ pub fn words(given: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
         words.insert(1, "view".into());
     }
     let end = words.iter().position(|word| word == "--").unwrap_or(words.len());
+    // A unit that stands apart belongs to its number.
+    for at in (1..end.saturating_sub(2)).rev() {
+        let is_length = words[at] == "--cell" || words[at] == "--ortho";
+        let joined = [&words[at + 1], &words[at + 2]].map(|word| word.to_string_lossy()).concat();
+        let is_unit = words[at + 2].to_string_lossy().chars().all(char::is_alphabetic);
+        if is_length && is_unit && joined.parse::<Length>().is_ok() && !Path::new(&words[at + 2]).exists() {
+            words.splice(at + 1..at + 3, [joined.into()]);
+        }
+    }
+    let end = words.iter().position(|word| word == "--").unwrap_or(words.len());
     for at in (1..end.saturating_sub(1)).rev() {
         let is_length = words[at + 1].to_str().is_some_and(Length::is_meant_by);
         if words[at] == "--ortho" && is_length {
@@ -219,6 +229,9 @@ mod tests {
             ("lasray render tiles/ --ortho 25cm", "lasray render tiles/ --ortho=25cm"),
             ("lasray render tiles/ --ortho", "lasray render tiles/ --ortho"),
             ("lasray render tiles/ --ortho -1", "lasray render tiles/ --ortho=-1"),
+            ("lasray render --ortho 25 cm tiles/", "lasray render --ortho=25cm tiles/"),
+            ("lasray render tiles/ --cell 50 cm -o a.png", "lasray render tiles/ --cell 50cm -o a.png"),
+            ("lasray render --cell 50 tiles", "lasray render --cell 50 tiles"),
             ("lasray render --ortho -o a.png t", "lasray render --ortho -o a.png t"),
             ("lasray render --ortho 2024.laz", "lasray render --ortho 2024.laz"),
             ("lasray render -- --ortho 1", "lasray render -- --ortho 1"),

@@ -116,11 +116,13 @@ pub struct Loaded {
     pub points: u64,
 }
 
-/// Thickness of the slab below lit images, in lengths of what is framed.
+/// Thickness of the slab below lit images, in lengths of what is framed,
 const SLAB: f64 = 0.01;
+/// but no more than so many finest cells: who looks at one place of many sees no cliff.
+const SLAB_CELLS: f64 = 40.0;
 
-fn slab(hull: &Hull) -> f64 {
-    SLAB * hull.bounds().size().truncate().max_element()
+fn slab(hull: &Hull, cell: f64) -> f64 {
+    (SLAB * hull.bounds().size().truncate().max_element()).min(SLAB_CELLS * cell)
 }
 
 /// Largest absolute cell index: beyond it, f64 no longer tells neighbours apart.
@@ -347,7 +349,7 @@ pub fn open_and_tell(
     let about = About {
         subject,
         bounds,
-        slab: slab(&hull),
+        slab: slab(&hull, cell),
         hull,
         low: Arc::new(sample.low),
         summary: sample.attributes,
@@ -562,7 +564,7 @@ pub fn tiles_of(
     let about = About {
         subject: String::new(),
         bounds,
-        slab: slab(&hull),
+        slab: slab(&hull, cell),
         hull,
         low: Arc::new(LowSurface::of(&bounds, &places)),
         kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),

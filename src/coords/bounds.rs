@@ -17,6 +17,18 @@ impl Bounds {
         (min.is_finite() && max.is_finite() && min.cmple(max).all()).then_some(Bounds { min, max })
     }
 
+    /// The smallest box around points; `None` for none.
+    pub fn around(points: &[DVec3]) -> Option<Bounds> {
+        let first = *points.first()?;
+        let (min, max) = points.iter().fold((first, first), |(min, max), p| (min.min(*p), max.max(*p)));
+        Some(Bounds { min, max })
+    }
+
+    /// What both hold; `None` where that is nothing.
+    pub fn within(self, other: Bounds) -> Option<Bounds> {
+        Bounds::new(self.min.max(other.min), self.max.min(other.max))
+    }
+
     /// The smallest box around both.
     pub fn union(self, other: Bounds) -> Bounds {
         Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }

@@ -28,7 +28,7 @@ impl From<&Bounds> for Hull {
 impl Hull {
     /// Of `points`; `None` where there are none. O(512 points).
     pub fn of(points: &[DVec3]) -> Option<Hull> {
-        let bounds = bounds_of(points)?;
+        let bounds = Bounds::around(points)?;
         let whole = bounds.size();
         let local: Vec<DVec3> = points
             .iter()
@@ -60,7 +60,7 @@ impl Hull {
 
     /// The box around it.
     pub fn bounds(&self) -> Bounds {
-        bounds_of(&self.points).expect("hulls have points")
+        Bounds::around(&self.points).expect("hulls have points")
     }
 
     /// Stretched along the axes until it fills `bounds`, which hold what it is a sample of; the box where it shows too
@@ -146,13 +146,6 @@ impl Hull {
     }
 }
 
-/// The box around points, if there are any.
-fn bounds_of(points: &[DVec3]) -> Option<Bounds> {
-    let first = *points.first()?;
-    let (min, max) = points.iter().fold((first, first), |(min, max), p| (min.min(*p), max.max(*p)));
-    Some(Bounds { min, max })
-}
-
 /// Both ways along the axes first, then a spiral over the sphere.
 fn directions() -> impl Iterator<Item = DVec3> {
     let golden = PI * (3.0 - 5f64.sqrt());
@@ -199,7 +192,7 @@ mod tests {
             let most = 0.02 * (all[1] - all[0]) + 0.005 * (hull.bounds().size() * DVec3::from(to).abs()).element_sum();
             prop_assert!(all[0] <= few[0] && few[1] <= all[1]);
             prop_assert!(few[0] - all[0] <= most + 1e-3 && all[1] - few[1] <= most + 1e-3);
-            prop_assert!((hull.bounds().size() - bounds_of(&points).unwrap().size()).abs().max_element() < 1e-3);
+            prop_assert!((hull.bounds().size() - Bounds::around(&points).unwrap().size()).abs().max_element() < 1e-3);
         }
     }
 

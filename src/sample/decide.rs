@@ -141,17 +141,20 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let is_there = sample.points.iter().flatten().any(|(seen, _)| asked.shows(seen.class, seen.flags));
     let shown = |seen: &Seen| if is_there { asked.shows(seen.class, seen.flags) } else { usual(seen) };
     let framed: Vec<frame::Framed> =
-        (0..files.len()).map(|file| sample.framed(file, usual, true).unwrap_or_default()).collect();
+        (0..files.len()).map(|file| sample.framed(file, usual).unwrap_or_default()).collect();
     let (frame, in_frame, notes) = frame::whole(&framed, |file| files[file].file.points(), whole);
-    let is_usual = *asked == Asked::default() || !is_there;
+    // Where every point was seen, others than usual are framed by themselves. A sample has missed some of what is rare: then
+    // all is framed that may hold it.
+    let is_usual = *asked == Asked::default() || !is_there || !whole;
     let hull_of = |(file, framed): (usize, &frame::Framed)| {
-        // Others than usual need not fill the box that the header has for all.
+        let is_framed = |seen: &Seen| if is_usual { usual(seen) } else { shown(seen) };
+        let points = sample.placed(file, is_framed).map(|(point, _)| point);
+        let points: Vec<DVec3> = points.filter(|point| framed.keeps(*point)).collect();
         let bounds = match is_usual {
             true => framed.bounds,
-            false => sample.framed(file, shown, false).and_then(|framed| framed.bounds),
+            false => Bounds::around(&points).zip(framed.bounds).and_then(|(own, usual)| own.within(usual)),
         };
-        let points = sample.placed(file, shown).map(|(point, _)| point).filter(|point| framed.keeps(*point));
-        bounds.map(|bounds| shape(&bounds, points, drawn.len(), sample.seen(file)))
+        bounds.map(|bounds| shape(&bounds, points.into_iter(), drawn.len(), sample.seen(file)))
     };
     let hulls: Vec<Option<Hull>> = framed.iter().enumerate().map(hull_of).collect();
     let hull = Hull::union(in_frame.iter().filter_map(|&file| hulls[file].as_ref()));

@@ -77,19 +77,14 @@ impl<'a> Weighted<'a> {
         }
     }
 
-    /// Where the points of a file are that are to be shown, strays aside; `has_header`: its header is of these.
-    pub fn framed(
-        &self,
-        file: usize,
-        shown: impl Fn(&Seen) -> bool,
-        has_header: bool,
-    ) -> Option<frame::Framed> {
+    /// Where the points of a file are that are shown by default, strays aside.
+    pub fn framed(&self, file: usize, shown: impl Fn(&Seen) -> bool) -> Option<frame::Framed> {
         let placement = self.world.placements[file].as_ref()?;
         let placed: Vec<(DVec3, f64)> = self.placed(file, shown).collect();
         let of = &self.files[file].file;
         // Points that are all known need no header; a header that leaves out the few that are known is wrong. Of a file
         // of another system the box is wider than what is in it; nothing may lie outside, since nothing is drawn there.
-        let is_needed = has_header && !(self.whole && placed.len() < frame::ENOUGH);
+        let is_needed = !(self.whole && placed.len() < frame::ENOUGH);
         let header = header_bounds(of, placement, DVec3::ZERO)
             .filter(|bounds| is_needed && frame::holds_some(*bounds, &placed));
         let beyond = match self.seen(file) {

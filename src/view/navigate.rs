@@ -42,10 +42,10 @@ impl Standard {
     pub fn angles(self) -> [f64; 2] {
         match self {
             Standard::Top => [0.0, 90.0],
-            Standard::North => [0.0, 20.0],
-            Standard::East => [90.0, 20.0],
-            Standard::South => [180.0, 20.0],
-            Standard::West => [270.0, 20.0],
+            Standard::North => [0.0, 0.0],
+            Standard::East => [90.0, 0.0],
+            Standard::South => [180.0, 0.0],
+            Standard::West => [270.0, 0.0],
             Standard::Oblique => crate::render::camera::DEFAULT_ORBIT,
         }
     }

@@ -10,7 +10,7 @@ use lasray::limits::LIMITS;
 use lasray::load;
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
-use lasray::render::frame::Renderer;
+use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::source::LidarFile;
@@ -87,7 +87,8 @@ impl Seen {
         };
         let mut renderer = Renderer::new(self.data.scene(), grid, anchor).unwrap();
         let table = self.data.table(&mut renderer);
-        let view = data.lit(&self.camera, SIZE);
+        // What lit images end in rests on what was opened first.
+        let view = View { slab: None, ..data.lit(&self.camera, SIZE) };
         renderer.draw_table(self.data.scene_mut(), &view, &table).unwrap()
     }
 }

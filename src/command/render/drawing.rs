@@ -51,6 +51,10 @@ impl Drawing<'_> {
             anyhow::bail!("nothing to draw: {why}");
         }
         let image = self.renderer.draw_table(scene, &view, &table).map_err(usage)?;
+        if image.distance.iter().all(|distance| distance.is_infinite()) {
+            let output = output.display();
+            self.problems.warn(format!("{output}: nothing of the data is in sight: without --eye, --target, --path and a distance all of it is framed"));
+        }
         write(&image, &view, &self.grid, Output::over(output, self.protected), &self.beside)
     }
 

@@ -10,7 +10,10 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
 /// Extensions of pictures, those that cannot be written among them.
-const PICTURES: [&str; 10] = ["png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "gif", "webp", "svg"];
+const PICTURES: [&str; 16] = [
+    "png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "gif", "webp", "svg", "pdf", "ppm", "tga", "psd",
+    "avif", "heic",
+];
 
 /// Whether a word is a picture's name.
 pub(super) fn is_picture(word: &OsStr) -> bool {
