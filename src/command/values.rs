@@ -3,6 +3,20 @@
 use crate::attribute::{ColorMode, class_names, classes_named};
 use crate::source::length::Length;
 use glam::DVec3;
+use std::ffi::OsStr;
+use std::path::Path;
+
+/// Extensions of pictures, those that cannot be written among them.
+const PICTURES: [&str; 16] = [
+    "png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "gif", "webp", "svg", "pdf", "ppm", "tga", "psd",
+    "avif", "heic",
+];
+
+/// Whether a word is a picture's name.
+pub(super) fn is_picture(word: &OsStr) -> bool {
+    let extension = Path::new(word).extension().and_then(OsStr::to_str).unwrap_or_default();
+    PICTURES.iter().any(|picture| picture.eq_ignore_ascii_case(extension))
+}
 
 /// Side of a cell, or what the data asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -51,15 +51,15 @@ fn town() -> Data {
     Data::load(&[scene::town(folder.path(), "town.laz", [-80.0, -80.0], 160.0)], Some(0.5))
 }
 
-/// Over the whole, from the ground, down, from afar, and parallel.
+/// Over the whole, from above the roofs, down, from afar, and parallel.
 fn cameras(b: &Bounds) -> Vec<Camera> {
     let wide = Projection::default();
     let center = b.center();
-    let ground = center.with_z(b.min.z + 12.0);
+    let roof = glam::DVec3::new(center.x + 3.0, b.min.y + 5.0, b.max.z);
     let parallel = Projection::Orthographic { units_per_pixel: 0.9 };
     vec![
         Camera::frame(b, [30.0, 35.0], wide, SIZE).unwrap(),
-        Camera::look_at(ground, ground + glam::DVec3::new(-9.0, 31.0, -2.0), wide).unwrap(),
+        Camera::look_at(roof, center, wide).unwrap(),
         Camera::frame(b, [0.0, 90.0], wide, SIZE).unwrap(),
         Camera::orbit(center, [250.0, 8.0], 50_000.0, Projection::Perspective { fov: 0.25 }).unwrap(),
         Camera::frame(b, [300.0, 20.0], parallel, SIZE).unwrap(),

@@ -1,6 +1,5 @@
 //! The command line of `lasray render`.
 
-use super::names;
 use crate::attribute::{ClassMask, Ramp};
 use crate::command::placement::PlacementArgs;
 use crate::command::values::{
@@ -164,7 +163,7 @@ impl Args {
     pub fn saved_view(&self) -> Option<(&Path, Option<&OsStr>)> {
         let picture = match &self.inputs[..] {
             [] => None,
-            [only] if names::is_picture(only) => Some(&**only),
+            [only] if values::is_picture(only) => Some(&**only),
             _ => return None,
         };
         self.path.as_deref().map(|path| (path, picture))

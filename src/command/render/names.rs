@@ -2,24 +2,13 @@
 
 use super::args::Args;
 use crate::command::UsageError;
+use crate::command::values::is_picture;
 use crate::output;
 use crate::render::image::Format;
 use crate::source::inputs::Inputs;
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
-
-/// Extensions of pictures, those that cannot be written among them.
-const PICTURES: [&str; 16] = [
-    "png", "jpg", "jpeg", "exr", "tif", "tiff", "bmp", "gif", "webp", "svg", "pdf", "ppm", "tga", "psd",
-    "avif", "heic",
-];
-
-/// Whether a word is a picture's name.
-pub(super) fn is_picture(word: &OsStr) -> bool {
-    let extension = Path::new(word).extension().and_then(OsStr::to_str).unwrap_or_default();
-    PICTURES.iter().any(|picture| picture.eq_ignore_ascii_case(extension))
-}
 
 /// Splits the words into inputs and the name of the picture, where one was typed: behind `-o`, or as the last word.
 pub(super) fn split(args: &Args) -> Result<(Vec<OsString>, Option<PathBuf>), UsageError> {
