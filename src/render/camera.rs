@@ -248,11 +248,11 @@ impl Camera {
         self.projection
     }
 
-    /// Azimuth (0 to 360, clockwise from north) and elevation (positive down), degrees.
+    /// Azimuth (0 to 360, clockwise from north) and elevation (positive down), degrees, never -0.
     pub fn angles(&self) -> [f64; 2] {
         let (f, r) = (self.axes.forward, self.axes.right);
         let azimuth = (-r.y).atan2(r.x).to_degrees().rem_euclid(360.0);
-        [azimuth, (-f.z).atan2(f.x.hypot(f.y)).to_degrees()]
+        [azimuth, (0.0 - f.z).atan2(f.x.hypot(f.y)).to_degrees()]
     }
 
     /// The rays of an image of `width` × `height` pixels as they are drawn, over heights on a lattice of `height_step`:
