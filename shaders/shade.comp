@@ -135,7 +135,7 @@ void main() {
             float cell_steps = frame.cell_steps * float(1 << detail);
             vec2 outward = vec2(0.0);
             vec3 normal;
-            vec2 slope = slope_at(here, shown, detail, column, top, cell_steps);
+            vec2 slope = is_slab ? vec2(0.0) : slope_at(here, shown, detail, column, top, cell_steps);
             // Gentle slopes by more than twice, so that beds and ruts show; steep ones as they are.
             slope *= 1.0 + 1.3 / (1.0 + 4.0 * dot(slope, slope));
             vec3 up = normalize(vec3(-slope, 1.0));

@@ -31,7 +31,7 @@ bool shown(uvec3 run) {
     return (word >> (class_ & 31u) & 1u) != 0u && (show_withheld || (run.z & FLAG_WITHHELD) == 0u);
 }
 
-// As `ClassMask::tells_nothing` in src/attribute/class.rs.
+// As `tells_nothing` in src/attribute/class.rs.
 bool tells_nothing(uvec3 run) {
     uint class_ = run.y >> RUN_CLASS_SHIFT;
     return class_ <= 1u || class_ == 12u;

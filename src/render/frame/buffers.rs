@@ -3,6 +3,7 @@
 use super::bands::{Band, band_rows};
 use super::mirrors::FrameConstants;
 use super::pipelines::FramePass;
+use crate::coords::{LowSurface, Slab};
 use crate::gpu::{Binding, BindingCache, Buffer, Commands, Gpu, GpuError, MemoryKind};
 use crate::resident::pool::Access;
 use crate::resident::table::Table;
@@ -26,6 +27,8 @@ pub(super) struct FrameInputs {
     /// What `table` holds: it is written only where it is another.
     written: Weak<Table>,
     ramp: Buffer,
+    /// Whose heights lie behind the ramp; `None`: none yet.
+    ground: Option<Weak<LowSurface>>,
     bindings: BindingCache,
 }
 
@@ -48,19 +51,31 @@ impl FrameInputs {
                 "colour ramp and ground",
                 u64::from(RAMP_ENTRIES) * 16 + u64::from(GROUND_SIDE * GROUND_SIDE) * 4,
             )?,
+            ground: None,
             bindings: BindingCache::default(),
         })
     }
 
-    /// Writes all of them; the ramp: 256 colours.
-    pub fn write(&mut self, constants: &FrameConstants, table: &Arc<Table>, ramp: &[u8], ground: &[f32]) {
+    /// Writes all of them; the ramp: 256 colours; `heights` of the ground that `slab` rests on.
+    pub fn write(
+        &mut self,
+        constants: &FrameConstants,
+        table: &Arc<Table>,
+        ramp: &[u8],
+        slab: Option<&Slab>,
+        heights: impl FnOnce() -> Vec<f32>,
+    ) {
         // What is pointed to weakly keeps its place in memory.
         if !std::ptr::eq(self.written.as_ptr(), Arc::as_ptr(table)) {
             self.table.write(0, bytemuck::cast_slice(&table.slots));
             self.written = Arc::downgrade(table);
         }
         self.ramp.write(0, ramp);
-        self.ramp.write(u64::from(RAMP_ENTRIES) * 16, bytemuck::cast_slice(ground));
+        let ground = slab.map_or(Weak::new(), |slab| Arc::downgrade(&slab.low));
+        if !self.ground.as_ref().is_some_and(|written| written.ptr_eq(&ground)) {
+            self.ramp.write(u64::from(RAMP_ENTRIES) * 16, bytemuck::cast_slice(&heights()));
+            self.ground = Some(ground);
+        }
         self.frame.write(0, bytemuck::bytes_of(constants));
     }
 

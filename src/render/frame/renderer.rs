@@ -5,7 +5,7 @@ use super::super::image::Image;
 use super::bands::{Band, band_rows, check_size};
 use super::buffers::{BYTES_PER_PIXEL, FrameInputs, FrameTargets};
 use super::error::FrameError;
-use super::mirrors::{FrameConstants, FramePush, HitRecord, distance_and_height, halves};
+use super::mirrors::{FrameConstants, FramePush, HitRecord, distance_and_height, ground_heights, halves};
 use super::options::{PassOptions, PassRepeats, View};
 use super::pipelines::{FramePass, FramePipelines};
 use super::rays::ViewRays;
@@ -272,8 +272,10 @@ impl Renderer {
             FrameInputs::with_room(self.in_flight[slot].take(), &gpu, size_of_val(&table.slots[..]) as u64)?;
         let targets = self.targets.as_ref().expect("prepared");
         let constants = self.constants(view, rays, table, (&inputs, targets), band);
-        let ground = super::mirrors::ground_heights(view.slab.as_ref(), &self.grid, self.anchor);
-        inputs.write(&constants, table, bytemuck::cast_slice(view.colors.table.as_slice()), &ground);
+        let slab = view.slab.as_ref();
+        let heights = || ground_heights(slab, &self.grid, self.anchor);
+        let ramp = bytemuck::cast_slice(view.colors.table.as_slice());
+        inputs.write(&constants, table, ramp, slab, heights);
 
         let has_beams = self.targets.as_mut().expect("prepared").has_beams_for(band);
         let passes = self.pipelines.passes(&gpu, view, band, has_beams)?;
