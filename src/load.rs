@@ -2,7 +2,7 @@
 
 use crate::attribute::{AttributeSummary, ColorMode, Kinds};
 use crate::coords::{
-    Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, Hull, LowSurface, SectionKey, Slab, height_step,
+    Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, Hull, LowSurface, Outline, SectionKey, Slab, height_step,
 };
 use crate::ingest::bins::{Binner, Bins, Budget, Core, Meaning};
 use crate::ingest::budget::layer_bytes;
@@ -23,7 +23,6 @@ use glam::DVec3;
 use indicatif::{HumanBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::io::IsTerminal;
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -114,15 +113,6 @@ pub struct Loaded {
     pub sections: Vec<(SectionKey, Columns)>,
     /// Points binned.
     pub points: u64,
-}
-
-/// Thickness of the slab below lit images, in lengths of what is framed,
-const SLAB: f64 = 0.01;
-/// but no more than so many finest cells: who looks at one place of many sees no cliff.
-const SLAB_CELLS: f64 = 40.0;
-
-fn slab(hull: &Hull, cell: f64) -> f64 {
-    (SLAB * hull.bounds().size().truncate().max_element()).min(SLAB_CELLS * cell)
 }
 
 /// Largest absolute cell index: beyond it, f64 no longer tells neighbours apart.
@@ -302,13 +292,19 @@ pub fn open_and_tell(
     check_cell(cell, &bounds)?;
     let (too_high, bounds) = without_too_high(&opened, &sample, cell, bounds, problems)?;
     if too_high.contains(&true) {
-        let held = sample.files.iter().zip(&too_high).filter(|(_, too_high)| !**too_high);
-        sample.hull = Hull::union(held.filter_map(|(file, _)| file.hull.as_ref()));
-        sample.low = sample.low.within(&bounds);
+        let files = sample.files.iter().zip(&too_high);
+        let held: Vec<_> = files.filter(|(file, too_high)| file.is_in_frame && !**too_high).collect();
+        let hull = Hull::union(held.iter().filter_map(|(file, _)| file.hull.as_ref()));
+        let of_all = Hull::union(held.iter().filter_map(|(file, _)| file.hull_of_all.as_ref()));
+        for (shape, hull) in [(&mut sample.shape, hull), (&mut sample.shape_of_all, of_all)] {
+            let low = shape.take().map(|(_, low)| low.within(&bounds));
+            *shape = low.map(|low| (hull.unwrap_or_else(|| Hull::from(&bounds)), low));
+        }
     }
     let grid = grid(cell, &bounds)?;
     let bounds = bounds.snapped(grid.height_step);
 
+    let snapped = |hull: Option<&Hull>| hull.map(|hull| hull.snapped(grid.height_step));
     let mut inputs = Vec::new();
     for (index, opened) in opened.into_iter().enumerate() {
         let fate = match sample.world.treatments[index].clone() {
@@ -325,8 +321,9 @@ pub fn open_and_tell(
                 (_, Some(_)) => RgbDepth::Sixteen,
                 (chosen, None) => chosen,
             };
-            let FileSample { bounds, ref hull, reach, in_nodes, contradicted, .. } = sample.files[index];
-            let hull = hull.as_ref().map(|hull| hull.snapped(grid.height_step));
+            let FileSample { bounds, is_in_frame, reach, in_nodes, contradicted, .. } = sample.files[index];
+            let FileSample { hull, hull_of_all, .. } = &sample.files[index];
+            let [hull, hull_of_all] = [hull, hull_of_all].map(|hull| snapped(hull.as_ref()));
             let kinds = SeenKinds {
                 sampled: std::mem::take(&mut sample.files[index].kinds),
                 // Who is wrong about bounds is not believed in anything.
@@ -341,17 +338,27 @@ pub fn open_and_tell(
             };
             let system = opened.crs.map(|crs| crs.name);
             let input = Input { file: opened.file, placement, rgb };
-            inputs.push(OpenInput { input, bounds, hull, reach, in_nodes, known, system, kinds });
+            inputs.push(OpenInput {
+                input,
+                bounds,
+                is_in_frame,
+                hull,
+                hull_of_all,
+                reach,
+                in_nodes,
+                known,
+                system,
+                kinds,
+            });
         }
     }
     let color = ColorMode::auto(&sample.attributes);
-    let hull = sample.hull.map_or_else(|| Hull::from(&bounds), |hull| hull.snapped(grid.height_step));
+    let outline = |(hull, low): (Hull, LowSurface)| Outline::new(hull.snapped(grid.height_step), low, cell);
     let about = About {
         subject,
         bounds,
-        slab: slab(&hull, cell),
-        hull,
-        low: Arc::new(sample.low),
+        outline: outline(sample.shape.expect("what has bounds has a shape")),
+        outline_of_all: sample.shape_of_all.map(outline),
         summary: sample.attributes,
         kinds: sample.kinds,
         color,
@@ -564,9 +571,8 @@ pub fn tiles_of(
     let about = About {
         subject: String::new(),
         bounds,
-        slab: slab(&hull, cell),
-        hull,
-        low: Arc::new(LowSurface::of(&bounds, &places)),
+        outline: Outline::new(hull, LowSurface::of(&bounds, &places), cell),
+        outline_of_all: None,
         kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),
         summary,
         color: ColorMode::Rgb,
@@ -586,12 +592,10 @@ pub struct About {
     subject: String,
     /// Where the points are, strays aside.
     pub bounds: Bounds,
-    /// What is framed: the points that were asked for.
-    pub hull: Hull,
-    /// The ground below them, roughly: where lit images end.
-    pub low: Arc<LowSurface>,
-    /// Thickness of what they end in, but for a cell.
-    slab: f64,
+    /// Of the points that were asked for: what is framed, and where lit images end.
+    pub outline: Outline,
+    /// The same where others are shown than were asked for at first, if that is another.
+    pub outline_of_all: Option<Outline>,
     /// What colours are chosen by: of the points that were asked for.
     pub summary: AttributeSummary,
     /// Kinds of points that the sample has seen, hidden ones included.
@@ -623,12 +627,15 @@ impl About {
 
     /// What lit images of cells of `cell` end in.
     pub fn slab(&self, cell: f64) -> Slab {
-        Slab { low: Arc::clone(&self.low), thickness: self.slab + cell }
+        self.outline.slab(cell)
     }
 
     /// U below which lit images show nothing.
     pub fn floor(&self, cell: f64) -> f64 {
-        self.low.lowest_height().min(self.bounds.min.z) - self.slab(cell).thickness
+        let floor = |outline: &Outline| {
+            outline.low.lowest_height().min(self.bounds.min.z) - outline.slab(cell).thickness
+        };
+        self.outline_of_all.iter().map(floor).fold(floor(&self.outline), f64::min)
     }
 }
 

@@ -4,6 +4,7 @@
 mod common;
 
 use common::LAVAPIPE;
+use common::made::{field, write};
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -897,10 +898,10 @@ fn a_saved_view_opens_from_elsewhere_as_it_was() {
         window.wait("color height viridis");
         window.click("check 1");
         window.wait("file 1 hidden");
+        window.key("b");
+        assert_eq!(window.wait("classes shown")[2], "0");
         window.key("l");
         window.wait("settled");
-        window.key("b");
-        window.wait("classes shown");
         window.key("3");
         let saved = window.wait("settled");
         window.key("ctrl+s");
@@ -1111,6 +1112,79 @@ fn parallel_views_are_true_to_scale() {
     });
 }
 
+/// Shares of the width and height of a parallel view that are free to the left, right, above and below of what is shown, and
+/// the share of what is neither; what is free is white.
+fn free(path: &Path) -> ([f64; 4], f64) {
+    let (width, pixels) = (pixels(path).0, rgb(path));
+    let height = pixels.len() / 3 / width;
+    let is_data = |at: usize| pixels[at * 3..][..3] != [255; 3];
+    let data: Vec<_> = (0..width * height).filter(|&at| is_data(at)).collect();
+    let columns = data.iter().map(|at| at % width);
+    let (left, right) = (columns.clone().min().unwrap(), width - 1 - columns.max().unwrap());
+    let (above, below) = (data[0] / width, height - 1 - data.last().unwrap() / width);
+    let [w, h] = [width, height].map(|side| side as f64);
+    let free = [left as f64 / w, right as f64 / w, above as f64 / h, below as f64 / h];
+    (free, data.len() as f64 / (w * h))
+}
+
+#[test]
+fn what_is_framed_follows_what_is_shown() {
+    let test = "what_is_framed_follows_what_is_shown";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let folder = tempfile::tempdir().unwrap();
+        // A block of houses in a corner of a field, and a tree far to the north.
+        let block = field([30.0, 20.0], 0.5, |x, y| Some((8.0 + 0.05 * (x + y), 6)));
+        let ground = field([200.0, 100.0], 1.0, |x, _| Some((0.02 * x, 2)));
+        write(&folder.path().join("field.las"), ground.chain(block));
+        let tree = field([10.0, 210.0], 0.5, |x, y| (y > 200.0).then_some((6.0 + 0.1 * x, 5)));
+        write(&folder.path().join("tree.las"), tree);
+        let arguments = ["--size", "560x820", "--classes", "6", "--orbit", "0,90", "--color", "class"];
+        let mut window =
+            Window::open(&display, folder.path(), &[&arguments[..], &["field.las", "tree.las"]].concat());
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        let mut saved = 0;
+        let mut framed = |window: &Window, what: &str| {
+            window.key("1");
+            window.wait("settled");
+            window.key("f");
+            window.key("p");
+            window.wait("saved");
+            saved += 1;
+            let ([left, right, above, below], share) =
+                free(&folder.path().join(format!("lasray-{saved:04}.png")));
+            println!("{what}: free {left:.3}, {right:.3}, {above:.3}, {below:.3}; shown {share:.3}");
+            let fills = |[a, b]: [f64; 2]| (0.004..0.08).contains(&a) && (0.004..0.08).contains(&b);
+            assert!(fills([left, right]) || fills([above, below]), "{what}: neither way fills the frame");
+            assert!((left - right).abs() < 0.03 && (above - below).abs() < 0.03, "{what}: not in the middle");
+            share
+        };
+        // The houses alone are 30 by 20, all of it 200 by 210, less the empty north, the field 200 by 100.
+        let wide = |share: f64| (0.1..0.7).contains(&share);
+        assert!(wide(framed(&window, "houses")), "they fill it");
+        window.click("usual classes");
+        window.wait("classes shown 254");
+        window.wait("settled");
+        assert!(wide(framed(&window, "all")));
+        window.click("check 1");
+        window.wait("file 1 hidden");
+        window.wait("settled");
+        assert!(wide(framed(&window, "the field")), "the tree is not framed any more");
+        // Ground lies deeper than what was asked for first: from the side it has no holes.
+        window.key("2");
+        window.wait("settled");
+        window.key("p");
+        window.wait("saved");
+        let ([left, right, above, below], share) = free(&folder.path().join("lasray-0004.png"));
+        let area = (1.0 - left - right) * (1.0 - above - below);
+        println!("from the south: free {left:.3}, {right:.3}, {above:.3}, {below:.3}; shown {share:.3}");
+        assert!(share > 0.2 * area, "{share} of {area}");
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
 #[test]
 fn ramps_and_ranges_are_chosen_and_colours_offered_where_they_are() {
     let test = "ramps_and_ranges_are_chosen_and_colours_offered_where_they_are";
@@ -1135,9 +1209,23 @@ fn ramps_and_ranges_are_chosen_and_colours_offered_where_they_are() {
         window.wait("ramp viridis");
         window.click("ramp viridis");
         let usual = window.wait("color height viridis")[0].clone();
-        window.click("range low");
-        window.xdotool(&["key", "ctrl+a"]);
-        window.enter("215");
+        // A value that is left as it is shown is none that was chosen.
+        let type_low = |words: Option<&str>| {
+            window.click("range low");
+            window.wait("typing range low");
+            if let Some(words) = words {
+                window.xdotool(&["key", "ctrl+a"]);
+                window.xdotool(&["type", "--delay", "15", words]);
+            }
+            window.xdotool(&["key", "Return"]);
+            // Nothing is typed into any more.
+            window.wait("mode height");
+        };
+        type_low(None);
+        window.key("ctrl+c");
+        let command = window.wait_all("command ").1;
+        assert!(command.contains(" --ramp viridis") && !command.contains("--range"), "{command}");
+        type_low(Some("215"));
         let (low, high) = usual.split_once(',').unwrap();
         let range = window.wait("color height viridis")[0].clone();
         assert_eq!(range, format!("215.00,{high}"), "instead of {low}");

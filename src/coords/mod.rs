@@ -6,6 +6,7 @@ mod heights;
 mod hull;
 mod low_surface;
 mod ordinary;
+mod outline;
 mod section;
 
 pub use bounds::{Bounds, on_lattice};
@@ -14,4 +15,5 @@ pub use heights::{HEIGHT_REACH, HEIGHT_STEP, Height, height_step, power_of_two_a
 pub use hull::Hull;
 pub use low_surface::{LOW_SIDE, LowSurface, Slab};
 pub use ordinary::Ordinary;
+pub use outline::Outline;
 pub use section::{CellIndex, SECTION_COLUMNS, SECTION_LOG2, SECTION_SIDE, SectionKey};

@@ -271,7 +271,18 @@ impl Builds {
 
     /// A file and its chunks, of which the first is to be `first`.
     fn source(&self, source: usize, first: u32, open: OpenInput) -> (Source, Vec<Chunk>) {
-        let OpenInput { input, bounds, reach, in_nodes, known, kinds, hull: _, system: _ } = open;
+        let OpenInput {
+            input,
+            bounds,
+            reach,
+            in_nodes,
+            known,
+            kinds,
+            hull: _,
+            hull_of_all: _,
+            system: _,
+            is_in_frame: _,
+        } = open;
         let counts = FileCounts::new(input.file.points(), kinds);
         let grid = self.grid;
         let extent = bounds.and_then(|b| {

@@ -57,8 +57,12 @@ pub struct OpenInput {
     pub input: Input,
     /// World box without stray points.
     pub bounds: Option<Bounds>,
+    /// It does not lie so far from the others that these are framed without it.
+    pub is_in_frame: bool,
     /// What is framed of it.
     pub hull: Option<Hull>,
+    /// The same where others are shown than were asked for at first, if that is another.
+    pub hull_of_all: Option<Hull>,
     /// World box that no point lies outside of, where that is known.
     pub reach: Option<Bounds>,
     /// Points lie in the nodes that a COPC hierarchy has them in.

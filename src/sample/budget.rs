@@ -5,6 +5,8 @@
 pub struct SampleBudget {
     /// A set of this many points is read whole.
     pub whole: u64,
+    /// And of this many where certain classes are asked for: of rare ones a sample would tell little.
+    pub whole_of_classes: u64,
     /// Places at which whole chunks are read.
     pub places: u64,
     /// Points wanted at a place.
@@ -21,6 +23,7 @@ impl Default for SampleBudget {
     fn default() -> SampleBudget {
         SampleBudget {
             whole: 250_000,
+            whole_of_classes: 2_000_000,
             places: 4,
             place_points: 50_000,
             window_points: 400_000,

@@ -10,15 +10,14 @@ use super::places;
 use super::read::{read_firsts, read_places, rgb_of};
 use super::rgb::{self, RgbDepth};
 use super::seen::{Asked, Seen, hidden_by_default};
-use super::shape::shape;
+use super::shapes::{Shape, Shapes};
 use super::summary::{Shown, counts, summarise};
 use super::weighted::Weighted;
 use crate::attribute::{AttributeSummary, Kinds};
-use crate::coords::{Bounds, Hull, LowSurface};
+use crate::coords::{Bounds, Hull};
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
 use crate::source::{FLAG_WITHHELD, SourceError};
-use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Points spread over the set that one place of neighbouring points is worth.
@@ -55,8 +54,12 @@ pub struct FileSample {
     pub rgb_constant: Option<[u16; 3]>,
     /// World box without stray points; `None` for no points, or a file left out.
     pub bounds: Option<Bounds>,
-    /// What is framed of it: the points that were asked for; `None` where `bounds` are.
+    /// It does not lie so far from the others that these are framed without it.
+    pub is_in_frame: bool,
+    /// What is framed of it: the points that were asked for; `None` for no such points.
     pub hull: Option<Hull>,
+    /// The same of those that are shown by default, where others were asked for.
+    pub hull_of_all: Option<Hull>,
     /// World box that no point lies outside of, as far as the header and the sample say; `None` where they do not.
     pub reach: Option<Bounds>,
     /// Points lie in the nodes that a COPC hierarchy has them in, as far as the sample says.
@@ -93,10 +96,10 @@ pub struct Sample {
     pub counted: bool,
     /// Where the points are that are shown by default, strays aside; `None` for no points.
     pub bounds: Option<Bounds>,
-    /// What is framed of those that were asked for; `None` for no points.
-    pub hull: Option<Hull>,
-    /// The ground below them, roughly.
-    pub low: LowSurface,
+    /// What is framed of those that were asked for, and the ground below it, roughly; `None` for no points.
+    pub shape: Option<Shape>,
+    /// The same of those that are shown by default, where others were asked for.
+    pub shape_of_all: Option<Shape>,
     /// What is not obvious about that.
     pub notes: Vec<FrameNote>,
     /// Chunks that could not be read (file, why); what they hold will be missing.
@@ -111,7 +114,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let drawn: Vec<usize> = (0..files.len()).filter(|&index| world.placements[index].is_some()).collect();
     let points: u64 = drawn.iter().map(|&index| files[index].file.points()).sum();
 
-    let whole = points <= budget.whole;
+    let is_usual = *asked == Asked::default();
+    let whole = points <= if is_usual { budget.whole } else { budget.whole_of_classes };
     let places = match whole {
         true => places::every_place(files, &drawn),
         false => places::chosen_places(files, &drawn, points, budget),
@@ -143,39 +147,29 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let framed: Vec<frame::Framed> =
         (0..files.len()).map(|file| sample.framed(file, usual).unwrap_or_default()).collect();
     let (frame, in_frame, notes) = frame::whole(&framed, |file| files[file].file.points(), whole);
-    // Where every point was seen, others than usual are framed by themselves. A sample has missed some of what is rare: then
-    // all is framed that may hold it.
-    let is_usual = *asked == Asked::default() || !is_there || !whole;
-    let hull_of = |(file, framed): (usize, &frame::Framed)| {
-        let is_framed = |seen: &Seen| if is_usual { usual(seen) } else { shown(seen) };
-        let points = sample.placed(file, is_framed).map(|(point, _)| point);
-        let points: Vec<DVec3> = points.filter(|point| framed.keeps(*point)).collect();
-        let bounds = match is_usual {
-            true => framed.bounds,
-            false => Bounds::around(&points).zip(framed.bounds).and_then(|(own, usual)| own.within(usual)),
-        };
-        bounds.map(|bounds| shape(&bounds, points.into_iter(), drawn.len(), sample.seen(file)))
+    let mut is_in_frame = vec![false; files.len()];
+    in_frame.iter().for_each(|&file| is_in_frame[file] = true);
+    let (framed, in_frame, drawn_files) = (&*framed, &*in_frame, drawn.len());
+    let shapes = Shapes { sample: &sample, framed, frame, in_frame, drawn: drawn_files, whole };
+    let of_all = shapes.of_all(&usual);
+    // Others than usual are framed by themselves.
+    let ((shape, hulls), (shape_of_all, hulls_of_all)) = match is_usual || !is_there {
+        true => (of_all, (None, vec![None; files.len()])),
+        false => (shapes.of_shown(&usual, &shown), of_all),
     };
-    let hulls: Vec<Option<Hull>> = framed.iter().enumerate().map(hull_of).collect();
-    let hull = Hull::union(in_frame.iter().filter_map(|&file| hulls[file].as_ref()));
     let mut kinds = Kinds::new();
     let mut classes = vec![0.0; 256];
-    let (mut shown_points, mut places_shown) = (Vec::new(), Vec::new());
+    let mut shown_points = Vec::new();
     for (file, points) in sample.points.iter().enumerate() {
         for &(seen, weight) in points {
             kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
             classes[usize::from(seen.class)] += weight;
             let at = sample.place(file, seen);
             if shown(seen) && at.is_finite() && framed[file].keeps(at) {
-                places_shown.push(at);
                 shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
             }
         }
     }
-    let nowhere = Bounds { min: DVec3::ZERO, max: DVec3::ZERO };
-    let low = LowSurface::of(&hull.as_ref().map_or(nowhere, Hull::bounds), &places_shown);
-    let above = |hull: Option<Hull>| hull.map(|hull| hull.above(&low));
-    let (hull, hulls): (_, Vec<_>) = (above(hull), hulls.into_iter().map(above).collect());
     let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
     let ground = ground::Ground {
         files,
@@ -200,22 +194,33 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         classes: counts(&classes),
         kinds,
         bounds: frame,
-        hull: hull.or_else(|| frame.as_ref().map(Hull::from)),
-        low,
-        notes,
+        shape,
+        shape_of_all,
         files: (0..)
             .zip(rgb)
             .zip(&bounds)
-            .zip(hulls)
-            .map(|(((index, rgb), &bounds), hull)| {
+            .zip(hulls.into_iter().zip(hulls_of_all))
+            .map(|(((index, rgb), &bounds), (hull, hull_of_all))| {
                 let (reach, in_nodes, contradicted) =
                     (sample.reach(index), in_nodes[index], contradicted[index]);
                 let rgb_constant = rgb::constant(&stored[index]).filter(|_| rgb != RgbDepth::None);
                 let (seen, all) = (&sample.points[index], files[index].file.points());
                 let kinds = SampledKinds::of(seen, whole && seen.len() as u64 == all);
-                FileSample { rgb, rgb_constant, bounds, hull, reach, in_nodes, contradicted, kinds }
+                FileSample {
+                    rgb,
+                    rgb_constant,
+                    bounds,
+                    is_in_frame: is_in_frame[index],
+                    hull,
+                    hull_of_all,
+                    reach,
+                    in_nodes,
+                    contradicted,
+                    kinds,
+                }
             })
             .collect(),
+        notes,
         problems,
         world,
     }

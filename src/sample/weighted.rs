@@ -1,5 +1,6 @@
 //! The points of the sample, each with how many it stands for, where they are in the world.
 
+use super::absence;
 use super::facts::header_bounds;
 use super::frame;
 use super::open::Opened;
@@ -66,6 +67,28 @@ impl<'a> Weighted<'a> {
         let points = self.points[file].iter().filter(move |(seen, _)| shown(seen));
         let placed = points.map(move |(seen, weight)| (self.place(file, seen), *weight));
         placed.filter(|(point, _)| point.is_finite())
+    }
+
+    /// Those of a file that are shown, and of the `others` those where more of such may lie than the sample has.
+    pub fn may_hold(
+        &self,
+        file: usize,
+        bounds: &Bounds,
+        others: impl Fn(&Seen) -> bool,
+        shown: impl Fn(&Seen) -> bool,
+    ) -> Vec<DVec3> {
+        let seen = self.points[file].iter().filter(|(seen, _)| others(seen) || shown(seen));
+        let points: Vec<(DVec3, bool)> = seen
+            .map(|(seen, _)| (self.place(file, seen), shown(seen)))
+            .filter(|(p, _)| p.is_finite())
+            .collect();
+        let framed = absence::may_hold(bounds, &points);
+        points
+            .into_iter()
+            .zip(framed)
+            .filter(|(_, is_framed)| *is_framed)
+            .map(|((point, _), _)| point)
+            .collect()
     }
 
     /// How well a file was seen.

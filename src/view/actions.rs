@@ -71,6 +71,9 @@ impl Viewer {
             Action::ToggleBridge => {
                 let bridge = &mut self.settings.visibility.bridge;
                 *bridge = if *bridge > 0 { 0 } else { BRIDGE };
+                if self.settings.shade == Shade::None {
+                    self.notify("Holes are bridged in light only: L");
+                }
             }
             Action::ToggleLight => {
                 let shade = &mut self.settings.shade;
@@ -203,7 +206,9 @@ impl Viewer {
                 self.data.set_visible(file, is_shown);
             }
             FileRequest::ZoomTo(file) => {
-                let hull = self.data.about().and_then(|about| about.files.get(file)?.hull.clone());
+                let is_first = self.data.is_first();
+                let about = self.data.about();
+                let hull = about.and_then(|about| about.files.get(file)?.hull(is_first).cloned());
                 if let Some(hull) = hull {
                     self.log.line(format_args!("file {file} zoomed to"));
                     self.navigation.look_at(&hull, (&self.data, &self.settings, &self.canvas));

@@ -56,12 +56,17 @@ fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), places: &mut Vec<(
         places.push(("ramps".to_owned(), ramps.response.rect.center()));
         let (mut low, mut high) = shown;
         let step = ((high - low) / 200.0).max(1e-3);
-        let digits = if high - low < 20.0 { 2 } else { 1 };
+        let digits = (3.0 - (high - low).log10().floor()).clamp(1.0, 4.0) as usize;
         let mut value = |ui: &mut Ui, value: &mut f64, name: &str| {
+            let before = *value;
             let edit = DragValue::new(value).speed(step).max_decimals(digits).update_while_editing(false);
             let edit = ui.add_sized(vec2(54.0, 18.0), edit).on_hover_text(format!("{name} end of the ramp"));
             places.push((format!("range {name}"), edit.rect.center()));
-            edit.changed()
+            if edit.has_focus() {
+                places.push((format!("typing range {name}"), edit.rect.center()));
+            }
+            // What is left as it was shown is left as it was, with all its digits.
+            edit.changed() && (*value - before).abs() > 0.51 * 0.1_f64.powi(digits as i32)
         };
         let is_changed = value(ui, &mut low, "low") | value(ui, &mut high, "high");
         if is_changed && low < high {

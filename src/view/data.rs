@@ -3,7 +3,7 @@
 use super::fates::{self, Refused};
 use super::watch::{self, News, Stamp, Watch};
 use crate::attribute::KindCounts;
-use crate::coords::{Grid, HEIGHT_STEP, Height, Hull};
+use crate::coords::{Bounds, Grid, HEIGHT_STEP, Height, Hull, Outline};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::{Budget, Core};
 use crate::ingest::builds::cells_of;
@@ -81,8 +81,12 @@ pub struct FileAbout {
     pub damage: Option<String>,
     /// Some of its points have colours.
     pub has_rgb: bool,
-    /// What is framed of it.
-    pub hull: Option<Hull>,
+    /// It lies so far from those that it was opened with that these are framed without it.
+    pub is_far: bool,
+    /// Where its points lie, strays aside.
+    bounds: Option<Bounds>,
+    /// What is framed of it, and of what is shown when others are than at first.
+    hulls: [Option<Hull>; 2],
     /// Its number in what is live.
     source: usize,
     /// What it looked like when it was opened.
@@ -103,6 +107,11 @@ impl FileAbout {
     pub fn is_seen(&self) -> bool {
         self.shown && !self.is_gone && !self.is_removed
     }
+
+    /// What is framed of it; `is_first`: the points are those that were asked for at first.
+    pub fn hull(&self, is_first: bool) -> Option<&Hull> {
+        self.hulls[usize::from(!is_first)].as_ref()
+    }
 }
 
 impl DataAbout {
@@ -111,13 +120,33 @@ impl DataAbout {
         self.files.iter().any(|file| file.has_rgb && !file.is_removed)
     }
 
-    /// What is framed of what is shown: of all files, or of those that are not hidden.
-    pub fn shown_hull(&self) -> Hull {
+    /// What is known of the whole for cameras and lit images; `is_first`: the points that are shown are those that were asked
+    /// for at first.
+    pub fn outline(&self, is_first: bool) -> &Outline {
+        self.whole.outline_of_all.as_ref().filter(|_| !is_first).unwrap_or(&self.whole.outline)
+    }
+
+    /// What is framed of what is shown: of all files, or of those that are not hidden; `is_first`: the points are those that
+    /// were asked for at first.
+    pub fn shown_hull(&self, is_first: bool) -> Hull {
+        let whole = || self.outline(is_first).hull.clone();
         if self.files.iter().all(FileAbout::is_seen) {
-            return self.whole.hull.clone();
+            return whole();
         }
-        let seen = self.files.iter().filter(|file| file.is_seen()).filter_map(|file| file.hull.as_ref());
-        Hull::union(seen).unwrap_or_else(|| self.whole.hull.clone())
+        let union = |with_far: bool| {
+            let seen = self.files.iter().filter(|file| file.is_seen() && (with_far || !file.is_far));
+            Hull::union(seen.filter_map(|file| file.hull(is_first)))
+        };
+        union(false).or_else(|| union(true)).unwrap_or_else(whole)
+    }
+
+    /// Where the points of the files lie that are not hidden; far ones where there are no others.
+    fn shown_bounds(&self) -> Option<Bounds> {
+        let union = |with_far: bool| {
+            let seen = self.files.iter().filter(|file| file.is_seen() && (with_far || !file.is_far));
+            seen.filter_map(|file| file.bounds).reduce(Bounds::union)
+        };
+        union(false).or_else(|| union(true))
     }
 }
 
@@ -158,6 +187,8 @@ pub struct DataStatus {
     pub share_read: f64,
     /// What those files hold, by class: exact once all of it was read.
     pub kinds: KindCounts,
+    /// Where their points lie, files that are far from the others aside.
+    pub extent: Option<Bounds>,
     /// Files that are shown, and all.
     pub files: [u64; 2],
     /// More are being opened.
@@ -555,8 +586,11 @@ impl Data {
         let known = &mut self.about.as_mut().expect("others are there").whole;
         let (a, b) = (known.bounds, more.bounds);
         known.bounds = a.union(b);
-        known.hull = Hull::union([&known.hull, &more.hull]).expect("two hulls");
-        known.low = Arc::new(known.low.joined(&more.low));
+        let of_all = |about: &load::About| about.outline_of_all.as_ref().unwrap_or(&about.outline).clone();
+        if known.outline_of_all.is_some() || more.outline_of_all.is_some() {
+            known.outline_of_all = Some(of_all(known).joined(&of_all(more)));
+        }
+        known.outline = known.outline.joined(&more.outline);
         if more.summary.colored > 0 {
             // Ranges stay those of the opening sample; that there are colours does not.
             known.summary.has_rgb = true;
@@ -690,6 +724,14 @@ impl Data {
         };
         self.show(gpu, opening, &fates)?;
         self.note_fates(&fates, refused, false);
+        let far = self.about.iter().flat_map(|about| &about.files).filter(|file| file.is_far).count();
+        match far {
+            0 => {}
+            1 => self.notices.push("1 file lies far from the others, which are framed without it".to_owned()),
+            _ => self
+                .notices
+                .push(format!("{far} files lie far from the others, which are framed without them")),
+        }
         Ok(true)
     }
 
@@ -838,6 +880,12 @@ impl Data {
         }
     }
 
+    /// Whether the points that are shown are those that were asked for at first.
+    pub fn is_first(&self) -> bool {
+        let [first, now] = [self.options.visibility, self.scene().visibility()];
+        (first.classes, first.withheld) == (now.classes, now.withheld)
+    }
+
     /// Whether every file was taken from the list.
     pub fn is_emptied(&self) -> bool {
         let is_removed = |about: &DataAbout| about.files.iter().all(|file| file.is_removed);
@@ -941,6 +989,7 @@ impl Data {
             points_read: progress.points_seen,
             share_read: 1.0 - lacking,
             kinds: self.kinds.clone(),
+            extent: self.about.as_ref().and_then(DataAbout::shown_bounds),
             files: [shown, all].map(|n| n as u64),
             is_opening: self.pending.iter().any(|pending| !is_again(pending)),
             sections_wanted: now.wanted as u64,
@@ -1011,7 +1060,9 @@ fn file_about(input: &OpenInput, has_rgb: bool, treatment: Treatment) -> FileAbo
         treatment,
         damage: None,
         has_rgb: has_rgb && sample::has_rgb(file),
-        hull: input.hull.clone(),
+        is_far: !input.is_in_frame,
+        bounds: input.bounds,
+        hulls: [input.hull.clone(), input.hull_of_all.clone().or(input.hull.clone())],
         source: 0,
         stamp: Some((file.bytes.len(), file.bytes.modified())),
     }

@@ -8,6 +8,7 @@ use super::options::ViewOptions;
 use super::settings::Settings;
 use crate::coords::Hull;
 use crate::render::camera::{Camera, CameraError, DEFAULT_ORBIT, Projection};
+use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
 use crate::render::screen::Pick;
 use glam::DVec3;
@@ -334,16 +335,19 @@ impl Navigation {
     }
 }
 
-/// What is framed of what is shown, with the slab below it, as shown.
+/// What is framed of what is shown, in light with the slab below it, as shown.
 fn framed(data: &Data, settings: &Settings) -> Option<Hull> {
-    shown(&data.about()?.shown_hull(), data, settings)
+    shown(&data.about()?.shown_hull(data.is_first()), data, settings)
 }
 
-/// A part of the data with the slab below it, as shown.
+/// A part of the data, in light with the slab below it, as shown.
 fn shown(hull: &Hull, data: &Data, settings: &Settings) -> Option<Hull> {
     let about = data.about()?;
     let cell = data.grid().0.cell();
-    let hull = hull.of_cells(cell).on_slab(&about.slab(cell));
+    let hull = match settings.shade {
+        Shade::Lit => hull.of_cells(cell).on_slab(&about.outline(data.is_first()).slab(cell)),
+        Shade::None => hull.of_cells(cell),
+    };
     Some(hull.exaggerated(settings.z_scale, about.bounds.min.z))
 }
 

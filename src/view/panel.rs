@@ -281,7 +281,9 @@ impl Panel {
         part(ui, "Colour", true, |ui| {
             color_part::show(ui, settings, (content.about, content.colors), &mut requests.places);
         });
-        part(ui, "Classes", true, |ui| classes(ui, &mut settings.visibility, content));
+        part(ui, "Classes", true, |ui| {
+            classes(ui, &mut settings.visibility, content, &mut requests.places);
+        });
         part(ui, "Picture", true, |ui| {
             ui.horizontal(|ui| {
                 ui.label("Height ×");
@@ -352,7 +354,12 @@ fn place(ui: &mut Ui, point: &PickedPoint, is_kept: bool, about: &DataAbout) {
     }
 }
 
-fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
+fn classes(
+    ui: &mut Ui,
+    visibility: &mut Visibility,
+    content: &PanelContent,
+    places: &mut Vec<(String, Pos2)>,
+) {
     if content.about.is_none() {
         ui.label(weak("…"));
         return;
@@ -363,7 +370,9 @@ fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
     for class in (0..=255u8).filter(listed) {
         let mut is_shown = mask.shows(class);
         let row = ui.horizontal(|ui| {
-            let changed = ui.add(Checkbox::without_text(&mut is_shown)).changed();
+            let check = ui.add(Checkbox::without_text(&mut is_shown));
+            places.push((format!("class {class}"), check.rect.center()));
+            let changed = check.changed();
             swatch(ui, class_color(class));
             let name = RichText::new(class_name(class)).color(if is_shown { TEXT } else { WEAK });
             // Numbers of one to three digits, names in line.
@@ -394,7 +403,9 @@ fn classes(ui: &mut Ui, visibility: &mut Visibility, content: &PanelContent) {
         if ui.small_button("None").clicked() {
             *mask = ClassMask::only(&[]);
         }
-        if ui.small_button("Usual").on_hover_text("all but noise").clicked() {
+        let usual = ui.small_button("Usual").on_hover_text("all but noise");
+        places.push(("usual classes".to_owned(), usual.rect.center()));
+        if usual.clicked() {
             *mask = ClassMask::default();
         }
     });
@@ -414,7 +425,6 @@ fn data(ui: &mut Ui, content: &PanelContent) {
         ui.label(RichText::new(format!("Reduced detail: {why}")).color(WARN).small());
     }
     if let Some(about) = content.about {
-        let size = (about.bounds.max - about.bounds.min).round();
         let unit = about.unit.as_ref().map_or("units", |u| u.symbol());
         let systems = systems(about);
         for (name, files) in &systems {
@@ -430,7 +440,9 @@ fn data(ui: &mut Ui, content: &PanelContent) {
                 });
             });
         }
-        pair(ui, "extent", format!("{} × {} × {} {unit}", tidy(size.x), tidy(size.y), tidy(size.z)));
+        if let Some(size) = status.extent.map(|extent| extent.size().round()) {
+            pair(ui, "extent", format!("{} × {} × {} {unit}", tidy(size.x), tidy(size.y), tidy(size.z)));
+        }
     }
 }
 

@@ -39,7 +39,10 @@ pub fn caution(point: &PickedPoint, unit: Option<&str>) -> Option<String> {
         let number = tidy((length * digits).round() / digits);
         unit.map_or(number.clone(), |unit| format!("{number} {unit}"))
     };
-    let side = point.below.map(|below| format!("side, {} below", length(below)));
+    let side = point.below.map(|below| match below < 0.005 {
+        true => "side".to_owned(),
+        false => format!("side, {} below", length(below)),
+    });
     let bridged = point.is_bridged.then(|| "bridged hole".to_owned());
     let coarse = point.coarse_cell.map(|cell| match point.stands_in {
         true => format!("stand-in, cell {}", length(cell)),
@@ -82,6 +85,7 @@ mod tests {
         assert_eq!(said(side).as_deref(), Some("side, 10.2 m below"));
         assert_eq!(caution(&side, None).as_deref(), Some("side, 10.2 below"));
         assert_eq!(said(PickedPoint { below: Some(0.333), ..top }).as_deref(), Some("side, 0.33 m below"));
+        assert_eq!(said(PickedPoint { below: Some(0.004), ..top }).as_deref(), Some("side"));
         let bridged = PickedPoint { is_bridged: true, ..side };
         assert_eq!(said(bridged).as_deref(), Some("side, 10.2 m below; bridged hole"));
         let coarse = PickedPoint { coarse_cell: Some(4.0), ..top };

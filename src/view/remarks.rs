@@ -15,6 +15,7 @@ pub fn badge(file: &FileAbout) -> Option<&'static str> {
         return Some("damaged");
     }
     match file.treatment {
+        Treatment::Placed if file.is_far => Some("far away"),
         Treatment::Placed => None,
         Treatment::Assumed { .. } | Treatment::Unmatched { .. } => Some("assumed"),
         Treatment::Transformed { .. } => Some("transformed"),
@@ -27,6 +28,9 @@ pub fn words(file: &FileAbout) -> String {
     let mut words = harmless(&treatment(&file.treatment));
     if let Some(damage) = &file.damage {
         let _ = write!(words, "; damaged: {damage}");
+    }
+    if file.is_far {
+        words += "; so far from the others that these are framed without it";
     }
     if file.is_gone {
         words += "; it is not where it was";

@@ -42,9 +42,12 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// What is seen of the data: near ties count in lit images alone, as in `lasray render`.
+    /// What is seen of the data: near ties count and holes are bridged in lit images alone, as in `lasray render`.
     pub fn seen(&self) -> Visibility {
-        Visibility { near_ties: self.shade == Shade::Lit, ..self.visibility }
+        match self.shade {
+            Shade::Lit => Visibility { near_ties: true, ..self.visibility },
+            Shade::None => Visibility { near_ties: false, bridge: 0, ..self.visibility },
+        }
     }
 
     /// The ramp of the colour mode, where it has one.
@@ -107,7 +110,7 @@ pub fn view_of<'a>(
         z_scale: settings.z_scale,
         pivot: bounds.min.z,
         bounds,
-        slab: Some(data.about()?.slab(data.grid().0.cell())),
+        slab: Some(data.about()?.outline(data.is_first()).slab(data.grid().0.cell())),
         colors: &colors?.1,
         shade: settings.shade,
         // As `lasray render` does: maps and elevations are seen before white.

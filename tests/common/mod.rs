@@ -11,6 +11,8 @@
 //! runs itself for one test, with that environment.
 #![allow(dead_code)] // each test file uses its part
 
+pub mod made;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::{env, fs};

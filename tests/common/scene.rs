@@ -78,12 +78,12 @@ impl Data {
         let loaded = load::paths(paths, &options, &mut problems).unwrap();
         assert!(!problems.failed, "{problems:?}");
         let Loaded { grid, sections, about, .. } = loaded;
-        let About { bounds, low, summary, color, .. } = about;
+        let About { bounds, outline, summary, color, .. } = about;
         Data {
             sections: sections.into_iter().map(|(key, columns)| (key, columns.pack())).collect(),
             grid,
             bounds,
-            low,
+            low: outline.low,
             anchor: grid.height(bounds.center().z).unwrap(),
             colors: ColorTable::new(color, &summary, &grid, None, None).unwrap(),
             summary,

@@ -79,7 +79,7 @@ impl Seen {
             sections: Vec::new(),
             grid,
             bounds: about.bounds,
-            low: Arc::clone(&about.low),
+            low: Arc::clone(&about.outline.low),
             anchor,
             colors: ColorTable::new(ColorMode::Class, &about.summary, &grid, None, None).unwrap(),
             summary: about.summary.clone(),
@@ -225,16 +225,16 @@ fn files_that_are_dropped_come_to_those_that_are_there() {
         assert_eq!(refused, [("other.las", "left out"), ("nowhere.las", "failed")]);
 
         // What is hidden or removed is neither framed nor named to others; what is removed can be opened again.
-        let whole = seen.data.about().unwrap().shown_hull().bounds();
+        let whole = seen.data.about().unwrap().shown_hull(true).bounds();
         seen.data.set_visible(2, false);
-        let part = seen.data.about().unwrap().shown_hull().bounds();
+        let part = seen.data.about().unwrap().shown_hull(true).bounds();
         assert!(
             part.max.x < whole.max.x - 50.0 && (part.min.x - whole.min.x).abs() < 1.0,
             "{part:?} of {whole:?}"
         );
         assert_eq!(seen.data.hidden_files().collect::<Vec<_>>(), [&*third]);
         seen.data.remove(0);
-        let rest = seen.data.about().unwrap().shown_hull().bounds();
+        let rest = seen.data.about().unwrap().shown_hull(true).bounds();
         assert!(rest.min.x > whole.min.x + 50.0, "{rest:?} of {whole:?}");
         assert_eq!(seen.data.shown_inputs(false).len(), 1);
         seen.until(|_| true);

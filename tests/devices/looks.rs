@@ -1,5 +1,6 @@
 //! How pictures look, by measures: where the data is in the frame, how much light and shade there is, where it ends.
 
+use crate::common::made::{field, write};
 use crate::common::{self, LAVAPIPE};
 use crate::scene::real_files;
 use std::path::{Path, PathBuf};
@@ -55,33 +56,6 @@ impl Picture {
         values.sort_unstable();
         values[(share * (values.len() - 1) as f64) as usize]
     }
-}
-
-/// A file of points: E, N, U, class.
-fn write(path: &Path, points: impl Iterator<Item = ([f64; 3], u8)>) {
-    let mut header = las::Builder::from((1, 2));
-    header.point_format = las::point::Format::new(0).unwrap();
-    let scale = |offset: f64| las::Transform { scale: 0.01, offset };
-    header.transforms = las::Vector { x: scale(500_000.0), y: scale(5_000_000.0), z: scale(0.0) };
-    let mut writer = las::Writer::from_path(path, header.into_header().unwrap()).unwrap();
-    for ([x, y, z], class) in points {
-        let classification = las::point::Classification::new(class).unwrap();
-        let (x, y) = (500_000.0 + x, 5_000_000.0 + y);
-        writer.write_point(las::Point { x, y, z, classification, ..las::Point::default() }).unwrap();
-    }
-    writer.close().unwrap();
-}
-
-/// Every `step` units of a field, where there are points.
-fn field(
-    [width, height]: [f64; 2],
-    step: f64,
-    at: impl Fn(f64, f64) -> Option<(f64, u8)>,
-) -> impl Iterator<Item = ([f64; 3], u8)> {
-    let [columns, rows] = [width, height].map(|side| (side / step) as i32);
-    let place = move |i: i32, j: i32| ((f64::from(i) + 0.5) * step, (f64::from(j) + 0.5) * step);
-    let places = (0..rows).flat_map(move |j| (0..columns).map(move |i| place(i, j)));
-    places.filter_map(move |(x, y)| at(x, y).map(|(z, class)| ([x, y, z], class)))
 }
 
 /// Whether `picture` has the data within 8 % of two opposite edges, and about as far from the one as from the other, both
@@ -222,5 +196,10 @@ fn a_picture_starts_from_what_is_asked_for() {
         assert!(ground.quantile(0.95) - ground.quantile(0.05) > 60, "one grey");
         assert_framed(&ground, "the ground alone");
         assert_framed(&all, "everything");
+        // Of a larger set, too, what is rare is framed by itself, and all of it: the one pylon of a line.
+        if let Some(data) = real_files() {
+            let (pylon, _) = render(&[data.join("powerline/12BZ1_21.laz")], &arguments(&["--classes", "15"]));
+            assert_framed(&pylon, "a pylon");
+        }
     });
 }

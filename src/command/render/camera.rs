@@ -19,11 +19,11 @@ pub(super) fn framed(args: &Args, about: &About, grid: &Grid) -> Hull {
     let (cell, height_step) = (grid.cell(), grid.height_step);
     // A map is of the points' extent; in a view, the cells of a few points reach far beyond it.
     let hull = match args.ortho {
-        Some(_) if about.hull.bounds().size().max_element() < cell => {
-            Hull::from(&about.hull.bounds().at_least(cell))
+        Some(_) if about.outline.hull.bounds().size().max_element() < cell => {
+            Hull::from(&about.outline.hull.bounds().at_least(cell))
         }
-        Some(_) => about.hull.clone(),
-        None => about.hull.of_cells(cell),
+        Some(_) => about.outline.hull.clone(),
+        None => about.outline.hull.of_cells(cell),
     };
     let solid = match args.shade {
         // What is interpolated is rounded, so that it is the same wherever in its CRS the data lies.
