@@ -207,9 +207,9 @@ fn read_view(file: &Path) -> Result<view::OpenedView, String> {
 fn in_window(text: &str) -> Result<DVec3, String> {
     match values::place(text)? {
         Place::At(place) => Ok(place),
-        Place::Above(..) => {
-            Err(format!("'{text}': heights above what is shown are for `lasray render` alone"))
-        }
+        Place::Above(..) => Err(format!(
+            "'{text}': the window takes no heights above what is shown: give E,N,U, or draw it with `lasray render`"
+        )),
     }
 }
 
