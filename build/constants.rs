@@ -83,8 +83,14 @@ group! { payload:
     CODE_WIDE_SHIFT = 8;
     /// In the header's code.
     CODE_LOG2_SHIFT = 16;
-    /// Kind of payload: columns of runs. Others follow (stacks, points, walls).
+    /// Runs of stacks that may float under some mask: room for as many spans is made where sections are derived.
+    HEADER_SPANS = 7;
+    /// Half blocks of stacks that hold such runs.
+    HEADER_LISTS = 8;
+    /// Kind of payload: columns of runs, each solid from its top down.
     KIND_COLUMNS = 1;
+    /// Stacks: runs of columns by key and slice, with the lowest point of each; some float.
+    KIND_STACKS = 2;
 
     /// log2 of the side in columns of a block of what is uploaded.
     BLOCK_LOG2 = 3;
@@ -107,6 +113,21 @@ group! { payload:
     /// Most runs of a column besides the highest. The highest are kept.
     MOST_OTHERS = 254;
 
+    /// Words of a place of stacks: beside the two of columns, for each half of the block (its southern rows, its northern) how
+    /// many runs that may float lie in the halves before; then for each half its number among those that hold any, from 1 on,
+    /// or 0.
+    STACK_PLACE_WORDS = 6;
+    /// Where the first block of stacks starts.
+    FIRST_STACK_BLOCK = PLACES + STACK_PLACE_WORDS * SECTION_BLOCKS;
+    /// Where the lows of the highest runs start in a block of stacks: 16 bits each.
+    STACK_LOWS = BLOCK_WORDS;
+    /// Words of a block of stacks.
+    STACK_BLOCK_WORDS = BLOCK_WORDS + BLOCK_COLUMNS / 2;
+    /// Words of a further run of stacks: the run, and its low.
+    STACK_RUN_WORDS = 4;
+    /// log2 of the steps that a low may count.
+    LOW_BITS = 16;
+
     /// log2 of the side in columns of a block of what is derived.
     DERIVED_BLOCK_LOG2 = 2;
     /// log2 of such blocks on a section's side.
@@ -124,6 +145,29 @@ group! { payload:
     MOST_NARROW_CODE = 0xFFFF;
     /// Codes of the pyramid's levels 2 to 8, which lie behind the blocks, and one to make them even.
     UPPER_CODES = (codes_of_levels(2, SECTION_LOG2) + 1) & !1;
+    /// What floats, behind the pyramid where anything may: first the place of each derived block's list, words from here,
+    /// 0: none.
+    FLOAT_LISTS = 0;
+    /// Then what floats in the nodes of levels 3 to 8: codes of the highest top and the lowest bottom, a word, or two where
+    /// codes are wide; no top: nothing floats.
+    FLOAT_NODES = 1 << (2 * DERIVED_BLOCKS_LOG2);
+    /// Nodes of those levels, and some for lists to be cache lines.
+    FLOAT_NODE_COUNT = (codes_of_levels(3, SECTION_LOG2) + 15) & !15;
+    /// Words of a block's list: its top and bottom as in nodes, then where its spans start (words from the first list on),
+    /// how many each column has, a byte each, and for each the code of the highest thing beneath its lowest gap.
+    LIST_WORDS = 16;
+    /// The same where codes are wide.
+    LIST_WORDS_WIDE = 32;
+    /// Word of a list, behind its top and bottom: where spans start.
+    LIST_SPANS = 0;
+    /// How many each column has.
+    LIST_COUNTS = 1;
+    /// Gaps.
+    LIST_GAPS = 5;
+    /// Words of a span: its top and bottom as in nodes, and what it shows.
+    SPAN_WORDS = 2;
+    /// The same where codes are wide.
+    SPAN_WORDS_WIDE = 3;
     /// Codes of all levels but the coarsest: a bit a level, so that those of the levels finer than one are the higher
     /// bits.
     CODES_BELOW_TOP = codes_of_levels(0, SECTION_LOG2 - 1);
