@@ -2,7 +2,8 @@
 //!
 //! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
 //! an `#ifdef POOL_SSBO`, itself or in an include, is compiled as `NAME`, and as `NAME_SSBO` with it; so with
-//! `POOL_TEXELS`, and with `LOGGED` (what a benchmark counts).
+//! `POOL_TEXELS`, and with `LOGGED` (what a benchmark counts); with `#ifdef STACKED` there are all but the last of these a
+//! second time, `NAME_STACKED…` (what floats is looked for).
 //! The constants that Rust and the shaders share come from the table in `build/constants.rs`.
 //! Release builds learn the commit they are built from, for the reports of benchmarks.
 
@@ -104,17 +105,28 @@ fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
             Some(stage @ ("vert" | "frag")) => format!("_{}", stage.to_uppercase()),
             _ => String::new(),
         };
-        let mut variants = vec![(stem.to_uppercase() + &stage, None)];
+        let asks = |define: &str| asks_for(source, &format!("#ifdef {define}"), 0);
+        let mut variants = vec![(stem.to_uppercase() + &stage, vec![])];
+        if asks("STACKED")? {
+            variants.push((format!("{}_STACKED", stem.to_uppercase()), vec!["STACKED"]));
+        }
         for (suffix, define) in [("SSBO", "POOL_SSBO"), ("TEXELS", "POOL_TEXELS"), ("LOGGED", "LOGGED")] {
             // The baseline goes by address alone.
-            if (stem != "thesis" || define == "LOGGED") && asks_for(source, &format!("#ifdef {define}"), 0)? {
-                variants.push((format!("{}_{suffix}", stem.to_uppercase()), Some(define)));
+            if (stem != "thesis" || define == "LOGGED") && asks(define)? {
+                variants.push((format!("{}_{suffix}", stem.to_uppercase()), vec![define]));
+                if define != "LOGGED" && asks("STACKED")? {
+                    let name = format!("{}_STACKED_{suffix}", stem.to_uppercase());
+                    variants.push((name, vec!["STACKED", define]));
+                }
             }
         }
-        for (name, define) in variants {
-            let words = compile(source, define, out)?;
+        for (name, defines) in variants {
+            let words = compile(source, &defines, out)?;
             let shown = source.display();
-            let with = define.map(|d| format!(" with `{d}` defined")).unwrap_or_default();
+            let with = match &defines[..] {
+                [] => String::new(),
+                defines => format!(" with `{}` defined", defines.join("`, `")),
+            };
             let _ = writeln!(text, "/// `{shown}`{with}.\npub static {name}: &[u32] = &{words:?};");
         }
     }
@@ -142,14 +154,12 @@ fn asks_for(source: &Path, asked: &str, depth: u32) -> Result<bool, String> {
 }
 
 #[cfg(not(feature = "shaderc"))]
-fn compile(source: &Path, define: Option<&str>, out: &Path) -> Result<Vec<u32>, String> {
+fn compile(source: &Path, defines: &[&str], out: &Path) -> Result<Vec<u32>, String> {
     let spirv = out.join("shader.spv");
     let mut command = process::Command::new("glslc");
     command.args(["--target-env=vulkan1.3", "-O", "-Werror", "-I", "shaders", "-I"]).arg(includes(out));
     command.arg("-o").arg(&spirv).arg(source);
-    if let Some(define) = define {
-        command.arg(format!("-D{define}"));
-    }
+    command.args(defines.iter().map(|define| format!("-D{define}")));
     let run = command.output().map_err(|e| {
         format!(
             "cannot run glslc ({e}): install the package `glslc` (Debian, Ubuntu), `shaderc` (Fedora, Arch, \
@@ -164,7 +174,7 @@ fn compile(source: &Path, define: Option<&str>, out: &Path) -> Result<Vec<u32>, 
 }
 
 #[cfg(feature = "shaderc")]
-fn compile(source: &Path, define: Option<&str>, out: &Path) -> Result<Vec<u32>, String> {
+fn compile(source: &Path, defines: &[&str], out: &Path) -> Result<Vec<u32>, String> {
     use shaderc::{
         CompileOptions, Compiler, EnvVersion, OptimizationLevel, ResolvedInclude, ShaderKind, TargetEnv,
     };
@@ -174,9 +184,7 @@ fn compile(source: &Path, define: Option<&str>, out: &Path) -> Result<Vec<u32>, 
     options.set_target_env(TargetEnv::Vulkan, EnvVersion::Vulkan1_3 as u32);
     options.set_optimization_level(OptimizationLevel::Performance);
     options.set_warnings_as_errors();
-    if let Some(define) = define {
-        options.add_macro_definition(define, None);
-    }
+    defines.iter().for_each(|define| options.add_macro_definition(define, None));
     options.set_include_callback(|name, _, from, _| {
         let beside = Path::new(from).parent().unwrap_or(Path::new("")).join(name);
         let places = [beside, Path::new("shaders").join(name), includes(out).join(name)];

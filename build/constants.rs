@@ -62,6 +62,8 @@ group! { payload:
     RUN_RETURNS_SHIFT = 8;
     /// Flag of a withheld point (LAS 1.4 R15, table 9).
     FLAG_WITHHELD = 4;
+    /// Flags that keep points of stacks apart: synthetic, key-point, withheld, overlap.
+    KEY_FLAGS = 15;
 
     /// Words of the header of what is uploaded.
     HEADER_WORDS = 16;
@@ -148,13 +150,17 @@ group! { payload:
     /// What floats, behind the pyramid where anything may: first the place of each derived block's list, words from here,
     /// 0: none.
     FLOAT_LISTS = 0;
+    /// Then the mean height of what is solid and measured in nodes of levels 2 to 5, a code each, a word; 0: nothing is.
+    FLOAT_MEANS = 1 << (2 * DERIVED_BLOCKS_LOG2);
+    /// Coarsest level of these.
+    MEANS_LEVEL = 5;
     /// Then what floats in the nodes of levels 3 to 8: codes of the highest top and the lowest bottom, a word, or two where
     /// codes are wide; no top: nothing floats.
-    FLOAT_NODES = 1 << (2 * DERIVED_BLOCKS_LOG2);
+    FLOAT_NODES = FLOAT_MEANS + codes_of_levels(2, MEANS_LEVEL);
     /// Nodes of those levels, and some for lists to be cache lines.
     FLOAT_NODE_COUNT = (codes_of_levels(3, SECTION_LOG2) + 15) & !15;
-    /// Words of a block's list: its top and bottom as in nodes, then where its spans start (words from the first list on),
-    /// how many each column has, a byte each, and for each the code of the highest thing beneath its lowest gap.
+    /// Words of a block's list: its top and bottom as in nodes, then where its spans start (words from the first of these), how
+    /// many each column has, a byte each, and for each the code of the highest thing beneath its lowest gap.
     LIST_WORDS = 16;
     /// The same where codes are wide.
     LIST_WORDS_WIDE = 32;
@@ -201,6 +207,8 @@ group! { node:
     NODE_WIDE = 7;
     /// First word of the slots beside it.
     NODE_BESIDE = 8;
+    /// 1 where something of its section may float.
+    NODE_FLOATS = 12;
 
     /// First word of the key of an unused slot.
     NO_KEY = u32::MAX;
@@ -244,6 +252,8 @@ group! { passes:
     FACE_NORTH = 4;
     /// The eye is in the column.
     FACE_INSIDE = 5;
+    /// The ray came from below into what floats.
+    FACE_BOTTOM = 6;
 
     /// Third word of a hit record as it is traced: the face, above the column.
     HIT_FACE_SHIFT = 16;
@@ -251,7 +261,8 @@ group! { passes:
     HIT_FACE_MASK = 7;
     /// Nodes that were looked at, at most `MOST_STEPS`.
     HIT_STEPS_SHIFT = 19;
-    /// Most that are told.
+    /// Most that are told. Where anything floats, in their place: which span of its block was hit, from 1 on; 0: the solid
+    /// part of the column.
     MOST_STEPS = 8191;
     /// Second word of a finished hit record: the class, or `BITS_MISS`.
     BITS_CLASS_MASK = 0x1FF;

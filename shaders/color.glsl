@@ -13,6 +13,19 @@ uint shown_at(uint slot, uvec2 column) {
     return shown_of(node_pyramid(slot), column, node_wide(slot));
 }
 
+#ifdef STACKED
+#include "floats.glsl"
+
+// The same of one of the spans of its block, from 1 on; 0: of its solid part.
+uint shown_at(uint slot, uvec2 column, uint span) {
+    uvec2 place = node_pyramid(slot);
+    uint wide = node_wide(slot);
+    if (span == 0u) return shown_of(place, column, wide);
+    uint from = spans_of(place, list_of(place, block_of(column), wide), wide);
+    return pool_load(place, from + span * span_words(wide) - 1u);
+}
+#endif
+
 uint class_of(uint shows) { return shows >> SHOWN_CLASS_SHIFT; }
 
 // Its colour, sRGB; `top` is the column's, lattice steps from the anchor.
@@ -27,9 +40,9 @@ vec3 srgb_of(uint shows, uint top) {
     return mix(RAMP[entry].rgb, RAMP[min(entry + 1, int(RAMP_ENTRIES) - 1)].rgb, at_entry - float(entry));
 }
 
-// Second word of a finished hit record.
-uint bits_of(uint shows, uint slot, uvec2 column, uint face) {
-    bool measured = is_measured(node_pyramid(slot), column, node_wide(slot));
+// Second word of a finished hit record; `span`: a span was hit, which is measured always.
+uint bits_of(uint shows, uint slot, uvec2 column, uint face, bool span) {
+    bool measured = span || is_measured(node_pyramid(slot), column, node_wide(slot));
     uint meta = node_meta(slot), detail = meta >> META_DETAIL_SHIFT;
     // What stands in reaches farther than the node that shows it.
     uint stands_in = detail + SECTION_LOG2 > (meta & META_LEVEL_MASK) ? BITS_STANDS_IN : 0u;

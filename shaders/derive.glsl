@@ -10,6 +10,9 @@ struct Job {
     uint first;    // half blocks that are to be derived: the first, and how many, east in the lower half, north in the
     uint area;     // upper one
     uint tie;      // a run so many lattice steps below the top is as high, and shown if the top's class tells less; 0: never
+    uint slice;    // of stacks: log2 lattice steps of a slice, which is as long as the longest gap within a span
+    uint thickness; // lattice steps that a point of what floats reaches down
+    uint spare[2];
 };
 
 struct Derive {

@@ -26,7 +26,14 @@ void main() {
 #endif
 
     bool miss = hit.slot == NO_NODE;
+#ifdef STACKED
+    uint shows = miss ? 0u : shown_at(hit.slot, hit.column, hit.steps);
+    bool is_span = hit.steps != 0u;
+    hit.steps = 0u;
+#else
     uint shows = miss ? 0u : shown_at(hit.slot, hit.column);
+    const bool is_span = false;
+#endif
     if (SCREEN) {
         // Signed numbers, which CPUs convert eight at once.
         ivec3 color = RAMPED ? ivec3(srgb_of(shows, uint(hit.top)) * 255.0 + 0.5) : ivec3(0);
@@ -34,7 +41,7 @@ void main() {
         uint behind = frame.background == BACKGROUND_NONE ? 0u : frame.background == BACKGROUND_WHITE ? 0xFFFFFFFFu : 0xFFCCCCCCu;
         SCREEN_IMAGE[at] = miss ? behind : 0xFF000000u | rgb;
     } else {
-        uint bits = miss ? BITS_MISS : bits_of(shows, hit.slot, hit.column, hit.face);
+        uint bits = miss ? BITS_MISS : bits_of(shows, hit.slot, hit.column, hit.face, is_span);
         vec4 sum = (miss ? background(ray.world) : vec4(linear_of(srgb_of(shows, uint(hit.top))), 1.0)) * push.sample_weight;
         if (push.sample_index > 0u) sum += COLOR[at];
         COLOR[at] = sum;

@@ -24,7 +24,7 @@ struct Hit {
     uvec2 column;
     uint face;
     int top;
-    uint steps; // nodes looked at
+    uint steps; // nodes looked at; where things float, which span of its block, from 1 on, 0: the solid part
 };
 
 // The hit of `ray` in the column that `found` names, where it is at or below the top at the latest as it leaves.
@@ -39,6 +39,37 @@ Hit hit_in(in Walk walk, Ray ray, Stay stay, Hit found) {
         found.face += uint(found.face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
     return found;
 }
+
+#ifdef STACKED
+// t at which the ray comes to `height`, lattice steps from the anchor, on its way through a column.
+float t_of(in Walk walk, Ray ray, float t, float t_end, int height) {
+    float rise = mix(float(height) - walk.z0, float(height - ray.cell.z) - ray.fraction.z, frame.origin_step == 1.0);
+    return clamp(rise / walk.dz, t, t_end);
+}
+
+// When the ray comes to a span of a column, from `bottom` to `top`, heights included; FAR: it does not.
+float contact(in Walk walk, Ray ray, float t, float t_end, int bottom, int top) {
+    float z = fma(t, walk.dz, walk.z0), z_end = fma(t_end, walk.dz, walk.z0);
+    if (z > float(top)) return z_end <= float(top) ? t_of(walk, ray, t, t_end, top) : FAR;
+    if (z < float(bottom)) return z_end >= float(bottom) ? t_of(walk, ray, t, t_end, bottom) : FAR;
+    return t;
+}
+
+// As `hit_in`, of a span.
+Hit span_hit_in(in Walk walk, Ray ray, Stay stay, Hit found, int bottom) {
+    float z = fma(stay.t, walk.dz, walk.z0);
+    if (z > float(found.top)) {
+        found.face = FACE_TOP;
+        found.t = t_of(walk, ray, stay.t, stay.t_end, found.top);
+    } else if (z < float(bottom)) {
+        found.face = FACE_BOTTOM;
+        found.t = t_of(walk, ray, stay.t, stay.t_end, bottom);
+    }
+    if (found.face == FACE_WEST || found.face == FACE_SOUTH)
+        found.face += uint(found.face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
+    return found;
+}
+#endif
 
 // The record of a hit, as it is traced.
 uvec4 record_of(Hit hit) {

@@ -33,12 +33,32 @@ void go_to(inout Here here, inout int shown, int detail, ivec2 column) {
     else here.slot = NO_NODE;
 }
 
+#ifdef STACKED
+// Whether what floats counts for tops.
+bool over = false;
+#endif
+
 // Top of `column` (cells of `detail`), lattice steps from the anchor; false where there is none.
 bool top_at(inout Here here, inout int shown, int detail, ivec2 column, out float top) {
     go_to(here, shown, detail, column);
     if (here.slot == NO_NODE) return false;
     Section section = section_in(here.slot, shown);
     uint code = code_at(section, detail, column);
+#ifdef STACKED
+    while (over && node_floats(here.slot) != 0u) {
+        int at = max(detail, shown);
+        if (at > shown) break;
+        uvec2 inner = uvec2(column) & (SECTION_SIDE - 1u);
+        if (shown > detail) inner = uvec2(column >> shown - detail) & (SECTION_SIDE - 1u);
+        uint list = list_of(section.pyramid, block_of(inner), section.wide);
+        if (list == 0u) break;
+        uvec2 spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
+        if (spans.y == 0u) break;
+        uint from = spans_of(section.pyramid, list, section.wide);
+        code = max(code, top_and_bottom(section.pyramid, from + spans.x * span_words(section.wide), section.wide).x);
+        break;
+    }
+#endif
     top = float(height_of(section, code));
     return code != 0u;
 }
@@ -95,6 +115,19 @@ float ground_at(int detail, ivec2 column) {
     return mix(mix(GROUND[at], GROUND[at + 1u], beyond.x), mix(GROUND[at + GROUND_SIDE], GROUND[at + GROUND_SIDE + 1u], beyond.x), beyond.y);
 }
 
+#ifdef STACKED
+// Of the sky that is seen, what is left beneath something that floats.
+const float UNDER_FLOATS = 0.75;
+
+// Whether anything floats above a column.
+bool is_under_floats(uint slot, uvec2 column) {
+    if (node_floats(slot) == 0u) return false;
+    uvec2 place = node_pyramid(slot);
+    uint wide = node_wide(slot), list = list_of(place, block_of(column), wide);
+    return list != 0u && spans_of_column(place, list, in_block(column), wide).y > 0u;
+}
+#endif
+
 const vec3 SLAB = vec3(0.26, 0.25, 0.235); // linear
 
 void main() {
@@ -115,9 +148,14 @@ void main() {
         ivec2 column = (index_of(hit.y) >> detail + int(SECTION_LOG2) - level) * int(SECTION_SIDE) + ivec2(inner);
         float top = float(int(hit.w));
         float z = face == FACE_TOP ? top : fma(uintBitsToFloat(hit.x), ray.step.z, origin_height(ray));
-        bool is_slab = false;
+        bool is_slab = false, is_span = false;
+        uint span = 0u;
+#ifdef STACKED
+        span = hit.z >> HIT_STEPS_SHIFT;
+        is_span = over = span != 0u;
+#endif
         // Columns are solid without end: below the slab a lit image shows what is behind their sides.
-        if (frame.shade == SHADE_LIT && face != FACE_TOP) {
+        if (frame.shade == SHADE_LIT && face != FACE_TOP && !is_span) {
             float ground = ground_at(detail, column);
             is_slab = z < ground;
             is_hit = z >= min(ground, top) - frame.slab;
@@ -126,10 +164,14 @@ void main() {
         Here here = Here(level > detail ? index_of(hit.y) : column, max(level, detail), hit.y);
         int shown = detail;
 
+#ifdef STACKED
+        uint shows = shown_at(hit.y, inner, span);
+#else
         uint shows = shown_at(hit.y, inner);
+#endif
         vec3 albedo = is_slab ? SLAB : linear_of(srgb_of(shows, hit.w));
         color = vec4(albedo, 1.0);
-        if (is_hit) bits = bits_of(shows, hit.y, inner, face);
+        if (is_hit) bits = bits_of(shows, hit.y, inner, face, is_span);
 
         if (frame.shade == SHADE_LIT && is_hit) {
             float cell_steps = frame.cell_steps * float(1 << detail);
@@ -141,6 +183,8 @@ void main() {
             vec3 up = normalize(vec3(-slope, 1.0));
             if (face == FACE_TOP || face == FACE_INSIDE) {
                 normal = up;
+            } else if (face == FACE_BOTTOM) {
+                normal = vec3(0.0, 0.0, -1.0);
             } else {
                 outward = face == FACE_WEST ? vec2(-1, 0) : face == FACE_EAST ? vec2(1, 0) : face == FACE_SOUTH ? vec2(0, -1) : vec2(0, 1);
                 // A low step of a slope is part of the slope; a wall is a wall.
@@ -150,11 +194,15 @@ void main() {
             // The slab is one plain band.
             if (is_slab) normal = vec3(outward, 0.0);
             float sky_seen = is_slab ? 1.0 : sky_at(here, shown, detail, column, z, outward, cell_steps);
+#ifdef STACKED
+            // Beneath what floats there is less sky.
+            if (!is_span && face == FACE_TOP && is_under_floats(hit.y, inner)) sky_seen *= UNDER_FLOATS;
+#endif
             float lit = max(dot(normal, frame.sun), 0.0);
             vec3 sunlight = vec3(1.0, 0.96, 0.88) * 2.00 * lit * mix(0.5, 1.0, sky_seen);
             vec3 skylight = vec3(0.62, 0.70, 0.82) * (0.55 + 0.45 * normal.z) * sky_seen * sky_seen;
             // From the ground: sides, which maps do not show, would be black in the shade.
-            float bounce = 0.02 + 0.20 * (1.0 - normal.z) * (1.0 - normal.z);
+            float away = min(1.0 - normal.z, 1.0), bounce = 0.02 + 0.20 * away * away;
             vec3 light = sunlight + skylight * 0.28 + bounce;
             // Photographs hold light already.
             if (frame.color_source == COLOR_RGB) light = mix(vec3(1.2), light, 0.6);
@@ -166,5 +214,9 @@ void main() {
     vec4 sum = color * push.sample_weight;
     if (push.sample_index > 0u) sum += COLOR[at];
     COLOR[at] = sum;
+#ifdef STACKED
+    HIT[at] = uvec4(hit.x, bits, 0u, hit.w);
+#else
     HIT[at] = uvec4(hit.x, bits, hit.z >> HIT_STEPS_SHIFT, hit.w);
+#endif
 }

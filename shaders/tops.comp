@@ -7,35 +7,13 @@
 #include "pool.glsl"
 #include "section.glsl"
 #include "derive.glsl"
+#include "runs.glsl"
 
 layout(local_size_x = DERIVE_THREADS) in;
-layout(constant_id = ID_ALL) const bool ALL = false;    // every run of the sections is shown
 layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follows
 
-uvec2 place, derived;
-uint base; // lattice height of code 0
 uint block, counts, column, other;
-bool values;
 uint measured = 0u;
-uvec4 visible_low, visible_high;
-bool show_withheld;
-uint tie; // see Job
-
-uvec3 run_at(uint at) { return uvec3(pool_load(place, at), pool_load(place, at + 1u), pool_load(place, at + 2u)); }
-
-bool shown(uvec3 run) {
-    uint class_ = run.y >> RUN_CLASS_SHIFT;
-    uvec4 some = class_ < 128u ? visible_low : visible_high;
-    uvec2 pair = (class_ & 64u) == 0u ? some.xy : some.zw;
-    uint word = (class_ & 32u) == 0u ? pair.x : pair.y;
-    return (word >> (class_ & 31u) & 1u) != 0u && (show_withheld || (run.z & FLAG_WITHHELD) == 0u);
-}
-
-// As `tells_nothing` in src/attribute/class.rs.
-bool tells_nothing(uvec3 run) {
-    uint class_ = run.y >> RUN_CLASS_SHIFT;
-    return class_ <= 1u || class_ == 12u;
-}
 
 // Stores what the next column shows, gives its top's code; `others` is how many further runs it has.
 uint next_column(uint others, uint to) {
@@ -64,32 +42,14 @@ uint next_column(uint others, uint to) {
         }
     }
     measured = measured >> 1u | (any ? 0x80000000u : 0u);
-    uint shows = top.y >> RUN_CLASS_SHIFT << SHOWN_CLASS_SHIFT;
-    shows |= values ? top.y >> RUN_INTENSITY_SHIFT & 0xFFFFu | (top.z >> RUN_RETURNS_SHIFT & 0xFFu) << SHOWN_RETURNS_SHIFT
-                    : top.y & 0xFFu | top.z >> RUN_GREEN_SHIFT << SHOWN_GREEN_SHIFT
-                      | (top.z >> RUN_BLUE_SHIFT & 0xFFu) << SHOWN_BLUE_SHIFT;
-    pool_store(derived, to, shows);
+    pool_store(derived, to, shows_of(top));
     return any ? (height ^ HEIGHT_SIGN) - base : 0u;
 }
 
 void main() {
     uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x;
     uvec4 section = JOB[job].section;
-    place = section.xy;
-    // Read whole: lavapipe gave a wrong third component when it was read by itself.
-    uvec4 here = JOB[job].near[4];
-    derived = here.xy;
-    base = here.z;
-    values = DERIVE.values != 0u;
-    tie = JOB[job].tie;
-    if (!ALL) {
-        visible_low = uvec4(DERIVE.visible[0], DERIVE.visible[1], DERIVE.visible[2], DERIVE.visible[3]);
-        visible_high = uvec4(DERIVE.visible[4], DERIVE.visible[5], DERIVE.visible[6], DERIVE.visible[7]);
-        // Withheld points are shown as the others, or not at all.
-        uint any_withheld = 0u;
-        for (int w = 0; w < 8; w++) any_withheld |= DERIVE.visible_withheld[w];
-        show_withheld = any_withheld != 0u;
-    }
+    begin_runs(job);
 
     uint west = western_block(half_block, IS_WIDE), before = 0u;
     block = pool_load(place, PLACES + (half_block & ~1u));
@@ -97,12 +57,8 @@ void main() {
     column = (half_block & 1u) * 32u;
     if (!ALL && block != 0u) {
         // Further runs of the blocks before, and of the half before.
-        uint pairs = 0u;
-        for (uint w = 0u; w < column / 4u; w++) {
-            uint four = pool_load(place, counts + w);
-            pairs += (four & 0x00FF00FFu) + (four >> 8u & 0x00FF00FFu);
-        }
-        before = pool_load(place, PLACES + (half_block | 1u)) + (pairs & 0xFFFFu) + (pairs >> 16u);
+        before = pool_load(place, PLACES + (half_block | 1u));
+        for (uint w = 0u; w < column / 4u; w++) before += sum_of_bytes(pool_load(place, counts + w));
     }
     other = section.w + RUN_WORDS * before;
     // Two at a time, of one word where codes are narrow.

@@ -1,6 +1,9 @@
 // The traversal: one ray through the table, pyramids and columns (walk.glsl) to its hit (leaf.glsl).
 // Needs pool.glsl, section.glsl, frame.glsl.
 #include "lookup.glsl"
+#ifdef STACKED
+#include "floats.glsl"
+#endif
 #include "leaf.glsl"
 #include "walk.glsl"
 

@@ -9,7 +9,9 @@
 //
 // The loops are one function on purpose (docs/performance.md): taken apart they took longer, and lavapipe (Mesa 22.3) and
 // SwiftShader lost hits, it seems where a value of a thread that had left a loop was still computed for it.
-// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl.
+// With STACKED, spans that float are looked for, too: a node is gone down into where the ray's heights in it meet those of what
+// floats in it.
+// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl; STACKED: floats.glsl.
 
 // Inverse of a step that is none.
 const float STILL = 1e30;
@@ -147,9 +149,16 @@ Hit trace(Ray ray, float start, int level) {
         int top = 0;
         float t_end = 0.0;
         bool found = false;
+#ifdef STACKED
+        uint span = 0u;
+        int bottom = 0;
+#endif
         // From section to section, as long as they are of one size.
         while (true) {
         Section section = section_in(hit.slot, detail);
+#ifdef STACKED
+        bool floats = node_floats(hit.slot) != 0u;
+#endif
         while (true) {
             hit.steps++;
             log_step();
@@ -159,6 +168,45 @@ Hit trace(Ray ray, float start, int level) {
             uint code = code_at(section, level, node ^ flip);
             int highest = height_of(section, code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
+#ifdef STACKED
+            // A section that nothing floats in ends this at once.
+            while (floats && (t_exit > t || touches)) {
+                int at = max(level, detail), coarse = at - detail;
+                uvec2 inner = uvec2((node ^ flip) >> at - level) & (SECTION_SIDE >> coarse) - 1u;
+                uint list = 0u, place = 0u;
+                if (coarse > 2) place = float_node_at(uint(coarse), inner, section.wide);
+                else {
+                    uvec2 block = inner >> uint(2 - coarse);
+                    list = place = list_of(section.pyramid, block.y << DERIVED_BLOCKS_LOG2 | block.x, section.wide);
+                    if (list == 0u) break;
+                }
+                uvec2 ends = top_and_bottom(section.pyramid, place, section.wide);
+                float z = fma(t, walk.dz, walk.z0), z_exit = fma(t_exit, walk.dz, walk.z0);
+                if (ends.x == 0u || min(z, z_exit) > float(height_of(section, ends.x))
+                    || max(z, z_exit) < float(height_of(section, ends.y))) break;
+                if (level != finest) {
+                    down = true;
+                    break;
+                }
+                // The first contact, of several at once that of the larger record, which comes first.
+                float first_contact = !down ? FAR : z <= float(highest) ? t : t_of(walk, ray, t, t_exit, highest);
+                uvec2 spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
+                uint from = spans_of(section.pyramid, list, section.wide);
+                for (uint k = 0u; k < spans.y; k++) {
+                    uvec2 one = top_and_bottom(section.pyramid, from + (spans.x + k) * span_words(section.wide), section.wide);
+                    int span_top = height_of(section, one.x), span_bottom = height_of(section, one.y);
+                    float t_contact = contact(walk, ray, t, t_exit, span_bottom, span_top);
+                    if (t_contact < first_contact || t_contact == first_contact && t_contact != FAR && span == 0u) {
+                        first_contact = t_contact;
+                        span = spans.x + k + 1u;
+                        bottom = span_bottom;
+                        highest = span_top;
+                        down = true;
+                    }
+                }
+                break;
+            }
+#endif
             if (down && level == finest) {
                 found = true;
                 top = highest;
@@ -196,6 +244,10 @@ Hit trace(Ray ray, float start, int level) {
             done = true;
             if (any(lessThan(node << level, low)) || any(greaterThanEqual(node << level, high))) break;
             uvec2 column = uvec2((node ^ flip) >> detail - finest) & (SECTION_SIDE - 1u);
+#ifdef STACKED
+            if (span != 0u) return span_hit_in(walk, ray, Stay(t, t_end, face), Hit(t, hit.slot, column, face, top, span), bottom);
+            hit.steps = 0u;
+#endif
             return hit_in(walk, ray, Stay(t, t_end, face), Hit(t, hit.slot, column, face, top, hit.steps));
         }
         // Out of the section, to where the next one may begin.

@@ -35,6 +35,14 @@ const _: () = assert!(LONGEST_BRIDGE <= HALF_BLOCK[0] && LONGEST_BRIDGE <= HALF_
 enum Plane {
     /// What was uploaded.
     Runs,
+    /// Gaps of columns.
+    Gaps,
+    /// Lists of blocks, and their spans.
+    Spans,
+    /// What floats in nodes of levels 3 to 8.
+    FloatNodes,
+    /// Mean heights of what is solid.
+    Means,
     /// Which columns hold a visible run.
     Measured,
     /// Level 0 of the pyramid, and what columns show.
@@ -54,6 +62,17 @@ enum Grain {
     Section,
 }
 
+/// Which sections a pass runs for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Of {
+    /// Those of columns.
+    Columns,
+    /// Those of stacks.
+    Stacks,
+    /// All.
+    Both,
+}
+
 /// A derived pass, as it is declared.
 struct PassDeclaration {
     name: &'static str,
@@ -64,18 +83,24 @@ struct PassDeclaration {
     reads: &'static [Plane],
     writes: &'static [Plane],
     grain: Grain,
+    of: Of,
 }
 
 /// Derived passes, in the order in which they run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 enum Pass {
     Tops,
+    StackTops,
+    Floaters,
+    FloatNodes,
+    Means,
     Bridge,
+    Fill,
     Pyramid,
 }
 
 /// Where nothing is bridged, the first pass writes the lower levels too.
-const PASSES: [PassDeclaration; 3] = [
+const PASSES: [PassDeclaration; 8] = [
     PassDeclaration {
         name: "tops",
         by_address: shaders::TOPS,
@@ -84,6 +109,47 @@ const PASSES: [PassDeclaration; 3] = [
         reads: &[Plane::Runs],
         writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels],
         grain: Grain::HalfBlock,
+        of: Of::Columns,
+    },
+    PassDeclaration {
+        name: "stack tops",
+        by_address: shaders::STACK_TOPS,
+        by_buffer: shaders::STACK_TOPS_SSBO,
+        reach: 0,
+        reads: &[Plane::Runs],
+        writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels, Plane::Gaps],
+        grain: Grain::HalfBlock,
+        of: Of::Stacks,
+    },
+    PassDeclaration {
+        name: "floaters",
+        by_address: shaders::FLOATERS,
+        by_buffer: shaders::FLOATERS_SSBO,
+        reach: 0,
+        reads: &[Plane::Runs, Plane::Gaps],
+        writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels, Plane::Spans],
+        grain: Grain::HalfBlock,
+        of: Of::Stacks,
+    },
+    PassDeclaration {
+        name: "float nodes",
+        by_address: shaders::FLOAT_NODES,
+        by_buffer: shaders::FLOAT_NODES_SSBO,
+        reach: 0,
+        reads: &[Plane::Gaps, Plane::Spans],
+        writes: &[Plane::FloatNodes],
+        grain: Grain::Section,
+        of: Of::Stacks,
+    },
+    PassDeclaration {
+        name: "means",
+        by_address: shaders::MEANS,
+        by_buffer: shaders::MEANS_SSBO,
+        reach: 0,
+        reads: &[Plane::Measured, Plane::Columns],
+        writes: &[Plane::Means],
+        grain: Grain::Section,
+        of: Of::Stacks,
     },
     PassDeclaration {
         name: "bridge",
@@ -93,6 +159,17 @@ const PASSES: [PassDeclaration; 3] = [
         reads: &[Plane::Measured, Plane::Columns],
         writes: &[Plane::Columns, Plane::LowerLevels],
         grain: Grain::HalfBlock,
+        of: Of::Both,
+    },
+    PassDeclaration {
+        name: "fill",
+        by_address: shaders::FILL,
+        by_buffer: shaders::FILL_SSBO,
+        reach: 0,
+        reads: &[Plane::Spans, Plane::Means, Plane::Measured, Plane::Columns],
+        writes: &[Plane::Columns, Plane::LowerLevels],
+        grain: Grain::HalfBlock,
+        of: Of::Stacks,
     },
     PassDeclaration {
         name: "pyramid",
@@ -102,6 +179,7 @@ const PASSES: [PassDeclaration; 3] = [
         reads: &[Plane::LowerLevels],
         writes: &[Plane::UpperLevels],
         grain: Grain::Section,
+        of: Of::Both,
     },
 ];
 
@@ -109,7 +187,16 @@ const PASSES: [PassDeclaration; 3] = [
 type Variant = [bool; 3];
 
 impl Pass {
-    const ALL: [Pass; 3] = [Pass::Tops, Pass::Bridge, Pass::Pyramid];
+    const ALL: [Pass; 8] = [
+        Pass::Tops,
+        Pass::StackTops,
+        Pass::Floaters,
+        Pass::FloatNodes,
+        Pass::Means,
+        Pass::Bridge,
+        Pass::Fill,
+        Pass::Pyramid,
+    ];
 
     fn declared(self) -> &'static PassDeclaration {
         &PASSES[self as usize]
@@ -118,11 +205,17 @@ impl Pass {
     /// The passes that run with or without bridges: those that follow from a section alone, and those from the first on
     /// that reads its neighbours.
     fn phases(bridge: bool) -> [Vec<Pass>; 2] {
-        let runs = |pass: &Pass| bridge || pass.declared().reach == 0;
+        // Holes are filled where they are bridged.
+        let runs = |pass: &Pass| bridge || !matches!(pass, Pass::Means | Pass::Bridge | Pass::Fill);
         let mut own: Vec<_> = Pass::ALL.into_iter().filter(runs).collect();
         let first = own.iter().position(|pass| pass.declared().reach > 0).unwrap_or(own.len());
         let near = own.split_off(first);
         [own, near]
+    }
+
+    /// Whether its variants differ by the mask.
+    fn is_masked(self) -> bool {
+        matches!(self, Pass::Tops | Pass::StackTops | Pass::Floaters)
     }
 
     /// Whether it reads or writes what `earlier` writes: then it waits for that.
@@ -149,11 +242,14 @@ impl Pass {
 pub fn pipeline_descs(access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
     let all = (0..8u8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1)).flat_map(|variant| {
         let [_, all, bridge] = variant;
-        let passes: &[Pass] = if all || bridge { &[Pass::Tops] } else { &Pass::ALL };
-        passes.iter().map(move |&pass| (pass, variant))
+        let passes = Pass::ALL.into_iter().filter(move |pass| pass.is_masked() || !(all || bridge));
+        passes.map(move |pass| (pass, variant))
     });
     let is_usual = |&(pass, [wide, _, bridged]): &(Pass, Variant)| {
-        !wide && (pass != Pass::Tops || bridged == bridge) && (bridge || pass != Pass::Bridge)
+        !wide
+            && (!pass.is_masked() || bridged == bridge)
+            && Pass::phases(bridge).concat().contains(&pass)
+            && pass.declared().of != Of::Stacks
     };
     let (usual, others): (Vec<_>, Vec<_>) = all.partition(is_usual);
     [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.desc(variant, access)).collect())
@@ -229,6 +325,8 @@ pub struct Task {
     pub steepest: u32,
     /// Height steps within which runs are as high as each other, and one is shown whose class tells more; 0: none is.
     pub tie: u32,
+    /// Of stacks: log2 height steps of a slice, and those that what floats reaches down below its points.
+    pub stacks: Option<[u32; 2]>,
     /// Codes take 32 bits.
     pub wide: bool,
     /// Every run is visible.
@@ -248,17 +346,39 @@ struct Job {
     first: u32,
     area: u32,
     tie: u32,
+    slice: u32,
+    thickness: u32,
+    spare: [u32; 2],
 }
 
 impl Task {
     fn job(&self, [first, area]: [[u32; 2]; 2]) -> Job {
         let word = |[east, north]: [u32; 2]| east | north << 16;
         let Task { section, near, steepest, tie, .. } = *self;
-        Job { section, near, steepest, first: word(first), area: word(area), tie }
+        let [slice, thickness] = self.stacks.unwrap_or_default();
+        Job {
+            section,
+            near,
+            steepest,
+            first: word(first),
+            area: word(area),
+            tie,
+            slice,
+            thickness,
+            spare: [0; 2],
+        }
     }
 
     /// Its jobs in a pass, by the workgroups that each takes.
     fn jobs(&self, pass: Pass) -> Vec<(u32, Job)> {
+        let is_for_it = match pass.declared().of {
+            Of::Columns => self.stacks.is_none(),
+            Of::Stacks => self.stacks.is_some(),
+            Of::Both => true,
+        };
+        if !is_for_it {
+            return Vec::new();
+        }
         match pass.declared().grain {
             Grain::Section => vec![(1, self.job([[0; 2]; 2]))],
             Grain::HalfBlock => {
@@ -396,8 +516,8 @@ impl Derive {
         tasks: &[Task],
     ) -> Result<(), GpuError> {
         let variant = |task: &Task| match pass {
-            Pass::Tops => [task.wide, task.all, run.bridge],
-            Pass::Bridge | Pass::Pyramid => [task.wide, false, false],
+            pass if pass.is_masked() => [task.wide, task.all, run.bridge],
+            _ => [task.wide, false, false],
         };
         let mut dispatches: BTreeMap<(Variant, u32), Vec<Job>> = BTreeMap::new();
         for task in tasks {
@@ -494,16 +614,18 @@ mod tests {
 
     #[test]
     fn shaders_see_jobs_and_parameters_as_they_are_written() {
-        let first = [("tops", shaders::TOPS), ("tops, POOL_SSBO", shaders::TOPS_SSBO)];
-        let second = [("bridge", shaders::BRIDGE), ("bridge, POOL_SSBO", shaders::BRIDGE_SSBO)];
-        let third = [("pyramid", shaders::PYRAMID), ("pyramid, POOL_SSBO", shaders::PYRAMID_SSBO)];
         let parameters = members!(Parameters { visible, visible_withheld, bridge, values });
-        for pass in [&first, &second, &third] {
-            assert_in(pass, &members!(Job { section, near, steepest, first, area, tie }));
+        for PassDeclaration { name, by_address, by_buffer, .. } in &PASSES {
+            let pass = [(*name, *by_address), (*name, *by_buffer)];
+            assert_in(
+                &pass,
+                &members!(Job { section, near, steepest, first, area, tie, slice, thickness, spare }),
+            );
+            // Others follow from what the mask has left.
+            if matches!(*name, "tops" | "stack tops" | "floaters" | "bridge") {
+                assert_in(&pass, &parameters);
+            }
         }
-        // The pyramid follows from what the mask has left.
-        assert_in(&first, &parameters);
-        assert_in(&second, &parameters);
     }
 
     #[test]
@@ -517,7 +639,7 @@ mod tests {
                     *plane == Plane::Runs || all[..k].iter().any(|p| p.declared().writes.contains(plane))
                 };
                 assert!(pass.declared().reads.iter().all(is_written), "{pass:?}");
-                assert!(k == 0 || pass.follows(all[k - 1]), "{pass:?}");
+                assert!(k == 0 || all[..k].iter().any(|earlier| pass.follows(*earlier)), "{pass:?}");
             }
             assert_eq!(all.contains(&Pass::Bridge), bridge);
         }

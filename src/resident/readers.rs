@@ -3,7 +3,7 @@
 use crate::gpu::layout::addresses;
 
 /// The shaders that follow section tables, by address and through storage buffers.
-pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 10] {
+pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 16] {
     use crate::gpu::shaders::*;
     [
         ("beam", BEAM),
@@ -16,11 +16,17 @@ pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 10] {
         ("plain, POOL_SSBO", PLAIN_SSBO),
         ("shade", SHADE),
         ("shade, POOL_SSBO", SHADE_SSBO),
+        ("trace, STACKED", TRACE_STACKED),
+        ("trace, STACKED, POOL_SSBO", TRACE_STACKED_SSBO),
+        ("exact, STACKED", EXACT_STACKED),
+        ("exact, STACKED, POOL_SSBO", EXACT_STACKED_SSBO),
+        ("shade, STACKED", SHADE_STACKED),
+        ("shade, STACKED, POOL_SSBO", SHADE_STACKED_SSBO),
     ]
 }
 
 /// The shaders that read pool, table and beams as texels.
-pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 5] {
+pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 8] {
     use crate::gpu::shaders::*;
     [
         ("beam, POOL_TEXELS", BEAM_TEXELS),
@@ -28,13 +34,25 @@ pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 5] {
         ("exact, POOL_TEXELS", EXACT_TEXELS),
         ("plain, POOL_TEXELS", PLAIN_TEXELS),
         ("shade, POOL_TEXELS", SHADE_TEXELS),
+        ("trace, STACKED, POOL_TEXELS", TRACE_STACKED_TEXELS),
+        ("exact, STACKED, POOL_TEXELS", EXACT_STACKED_TEXELS),
+        ("shade, STACKED, POOL_TEXELS", SHADE_STACKED_TEXELS),
     ]
 }
 
 #[test]
 fn no_shader_changes_a_bit_of_an_address() {
     use crate::gpu::shaders::*;
-    let derive = [("tops", TOPS), ("bridge", BRIDGE), ("pyramid", PYRAMID)];
+    let derive = [
+        ("tops", TOPS),
+        ("stack tops", STACK_TOPS),
+        ("floaters", FLOATERS),
+        ("float nodes", FLOAT_NODES),
+        ("means", MEANS),
+        ("bridge", BRIDGE),
+        ("fill", FILL),
+        ("pyramid", PYRAMID),
+    ];
     let others = [("thesis", THESIS)];
     for (name, words) in
         readers_of_tables().into_iter().chain(readers_of_texels()).chain(derive).chain(others)

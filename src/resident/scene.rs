@@ -416,6 +416,7 @@ impl Scene {
             section: [x, y, counts, others],
             near,
             // Gaps steeper than 45° are edges.
+            stacks: None,
             steepest: self.grid.cell_steps(key.section.level).clamp(1.0, STEEPEST) as u32,
             tie: if has_ties { tie_steps(&self.grid) } else { 0 },
             wide: code.wide,
@@ -540,7 +541,14 @@ impl Scene {
                 _ => around(key).iter().filter_map(highest).max()?,
             };
             let pyramid = self.transfer.pool().place_to_read(&version.slots.derived, 0);
-            Some(Entry { key: at, detail: key.section.level, pyramid, code: version.layout.code, top })
+            Some(Entry {
+                key: at,
+                detail: key.section.level,
+                pyramid,
+                code: version.layout.code,
+                floats: false,
+                top,
+            })
         };
         let mut entries: Vec<_> = shown.into_iter().filter_map(entry).collect();
         entries.sort_unstable_by_key(|e| e.key);

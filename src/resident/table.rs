@@ -8,8 +8,8 @@ use crate::coords::{Height, SECTION_LOG2, SectionKey};
 use crate::section::HeightCode;
 use crate::shared::node::{
     HASH_EAST, HASH_LAST_SHIFT, HASH_LEVEL, HASH_MIX, HASH_NORTH, HASH_SHIFT, KEY_INDEX_MASK,
-    KEY_LEVEL_SHIFT, META_DETAIL_SHIFT, NO_KEY, NO_NODE, NODE_BASE, NODE_BESIDE, NODE_KEY, NODE_META,
-    NODE_PYRAMID, NODE_TOP, NODE_WIDE, NODE_WORDS, TOP_SECTION,
+    KEY_LEVEL_SHIFT, META_DETAIL_SHIFT, NO_KEY, NO_NODE, NODE_BASE, NODE_BESIDE, NODE_FLOATS, NODE_KEY,
+    NODE_META, NODE_PYRAMID, NODE_TOP, NODE_WIDE, NODE_WORDS, TOP_SECTION,
 };
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
@@ -34,12 +34,24 @@ pub struct Node {
     pub wide: u32,
     /// Slots of the sections of its size and detail to the east, west, north and south; all ones where there is none.
     pub beside: [u32; 4],
+    /// 1 where something of its section may float.
+    pub floats: u32,
     /// Up to a cache line.
-    pub pad: [u32; 4],
+    pub pad: [u32; 3],
 }
 
 const _: () = {
-    let words = [NODE_KEY, NODE_TOP, NODE_META, NODE_PYRAMID, NODE_BASE, NODE_WIDE, NODE_BESIDE, NODE_WORDS];
+    let words = [
+        NODE_KEY,
+        NODE_TOP,
+        NODE_META,
+        NODE_PYRAMID,
+        NODE_BASE,
+        NODE_WIDE,
+        NODE_BESIDE,
+        NODE_FLOATS,
+        NODE_WORDS,
+    ];
     let bytes = [
         offset_of!(Node, key),
         offset_of!(Node, top),
@@ -48,6 +60,7 @@ const _: () = {
         offset_of!(Node, base),
         offset_of!(Node, wide),
         offset_of!(Node, beside),
+        offset_of!(Node, floats),
         size_of::<Node>(),
     ];
     let mut k = 0;
@@ -71,7 +84,8 @@ const UNUSED: Node = Node {
     base: 0,
     wide: 0,
     beside: [NO_NODE; 4],
-    pad: [0; 4],
+    floats: 0,
+    pad: [0; 3],
 };
 
 /// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
@@ -90,6 +104,8 @@ pub struct Entry {
     pub pyramid: [u32; 2],
     /// How it stores heights.
     pub code: HeightCode,
+    /// Something of it may float.
+    pub floats: bool,
     /// Nothing that it shows is higher.
     pub top: Height,
 }
@@ -99,6 +115,8 @@ pub struct Entry {
 pub struct Table {
     /// A power of two of slots.
     pub slots: Vec<Node>,
+    /// Something may float.
+    pub floats: bool,
     /// log2 cells of the coarsest nodes' side.
     pub top_level: u32,
     /// log2 cells of the largest section's side.
@@ -168,6 +186,7 @@ impl Table {
                 pyramid: e.pyramid,
                 base: e.code.base.wrapping_sub(anchor.0),
                 wide: u32::from(e.code.wide),
+                floats: u32::from(e.floats),
                 ..UNUSED
             };
             let other = nodes.insert((level, index), node);
@@ -211,6 +230,7 @@ impl Table {
         }
         Table {
             slots,
+            floats: entries.iter().any(|e| e.floats),
             top_level,
             section_level,
             low: low.map(|i| i << top_level),
@@ -227,7 +247,10 @@ mod tests {
 
     #[test]
     fn shaders_see_nodes_as_they_are_written() {
-        assert_in(&readers_of_tables(), &members!(Node { key, top, meta, pyramid, base, wide, beside, pad }));
+        assert_in(
+            &readers_of_tables(),
+            &members!(Node { key, top, meta, pyramid, base, wide, beside, floats, pad }),
+        );
         // Where they are texels, `node_word` counts words.
         let words = [
             std::mem::offset_of!(Node, key),
@@ -249,6 +272,7 @@ mod tests {
             code: HeightCode { base: 0, wide: false },
             pyramid: [i as u32, j as u32 & 0xFFFF],
             top: Height(top),
+            floats: false,
         }
     }
 

@@ -69,6 +69,10 @@ static TRACE: Variants = variants!(STORED, TRACE, TRACE_TEXELS, TRACE_SSBO);
 static EXACT: Variants = variants!(UNIFORM, EXACT, EXACT_TEXELS, EXACT_SSBO);
 static PLAIN: Variants = variants!(UNIFORM, PLAIN, PLAIN_TEXELS, PLAIN_SSBO);
 static SHADE: Variants = variants!(STORED, SHADE, SHADE_TEXELS, SHADE_SSBO);
+/// Those that look for what floats.
+static TRACE_FLOATS: Variants = variants!(STORED, TRACE_STACKED, TRACE_STACKED_TEXELS, TRACE_STACKED_SSBO);
+static EXACT_FLOATS: Variants = variants!(UNIFORM, EXACT_STACKED, EXACT_STACKED_TEXELS, EXACT_STACKED_SSBO);
+static SHADE_FLOATS: Variants = variants!(STORED, SHADE_STACKED, SHADE_STACKED_TEXELS, SHADE_STACKED_SSBO);
 
 impl Variants {
     fn desc(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> PipelineDesc {
@@ -86,6 +90,7 @@ impl Variants {
 struct Exact {
     ramped: bool,
     screen: bool,
+    floats: bool,
 }
 
 /// The passes that are there from the start: wide beams, beams, trace, shade.
@@ -111,13 +116,23 @@ fn passes(access: Access, options: PassOptions) -> [PipelineDesc; 4] {
     ]
 }
 
+/// Trace and shade where things float. Beams know nothing of what floats: rays start at the eye.
+fn floating(access: Access, options: PassOptions) -> [PipelineDesc; 2] {
+    let [x, y] = options.group;
+    let shared = vec![(ID_GROUP_X, x), (ID_GROUP_Y, y), (ID_DEALT, u32::from(options.dealt))];
+    let trace = [shared.clone(), vec![(ID_BEAMED, 0)]].concat();
+    [TRACE_FLOATS.desc("trace", access, trace), SHADE_FLOATS.desc("shade", access, shared)]
+}
+
 impl Exact {
     fn desc(self, access: Access, options: PassOptions) -> PipelineDesc {
-        let Exact { ramped, screen } = self;
-        let PassOptions { group, dealt, beams, .. } = options;
+        let Exact { ramped, screen, floats } = self;
+        let PassOptions { group, dealt, .. } = options;
+        let beams = options.beams && !floats;
         let flags = [(ID_RAMPED, ramped), (ID_SCREEN, screen), (ID_DEALT, dealt), (ID_BEAMED, beams)];
         let flags = flags.map(|(id, on)| (id, u32::from(on)));
-        let mut desc = EXACT.desc(
+        let shaders = if floats { &EXACT_FLOATS } else { &EXACT };
+        let mut desc = shaders.desc(
             "exact",
             access,
             [&[(ID_GROUP_X, group[0]), (ID_GROUP_Y, group[1])], &flags[..]].concat(),
@@ -148,7 +163,7 @@ impl PassOptions {
         };
         match (traversal, shade) {
             (Traversal::Fast, Shade::None) => {
-                pipeline_descs.push(Exact { ramped: false, screen: true }.desc(access, self));
+                pipeline_descs.push(Exact { ramped: false, screen: true, floats: false }.desc(access, self));
             }
             (Traversal::Fast, Shade::Lit) => pipeline_descs.extend([trace, shading]),
             (Traversal::Plain, _) => pipeline_descs.extend([plain(access, self), shading]),
@@ -172,6 +187,8 @@ pub(super) struct FramePipelines {
     /// Made when first used.
     plain: Option<ComputePipeline>,
     shade: ComputePipeline,
+    /// Trace and shade where things float; made when first used.
+    floating: Option<[ComputePipeline; 2]>,
     /// Trace and exact colours in one; made when first used.
     exact: HashMap<Exact, ComputePipeline>,
     access: Access,
@@ -187,34 +204,44 @@ impl FramePipelines {
             trace: trace?,
             plain: None,
             shade: shade?,
+            floating: None,
             exact: HashMap::new(),
             access,
             options,
         })
     }
 
-    /// The passes of `band` of `view` in their order; those of the beams are left out where `has_beams`.
+    /// The passes of `band` of `view` in their order; those of the beams are left out where `has_beams`. `floats`: something
+    /// may float.
     pub fn passes(
         &mut self,
         gpu: &Gpu,
         view: &View,
         band: Band,
         has_beams: bool,
+        floats: bool,
     ) -> Result<Vec<FramePass>, GpuError> {
+        let floats = floats && view.traversal == Traversal::Fast;
         let groups = |[x, y]: [u32; 2], side: u32| {
             [view.size[0].div_ceil(side).div_ceil(x), band.rows.div_ceil(side).div_ceil(y), 1]
         };
         let (tiles, pixels) = (|side| groups(self.options.beam_group, side), groups(self.options.group, 1));
         let mut passes = vec![];
         let mut add = |name, pipeline, groups| passes.push(FramePass { name, pipeline, groups });
-        if view.traversal == Traversal::Fast && self.options.beams && !has_beams {
+        if view.traversal == Traversal::Fast && self.options.beams && !has_beams && !floats {
             add("wide beams", self.wide_beams.clone(), tiles(WIDE_TILE));
             add("beams", self.beams.clone(), tiles(TILE));
         }
         match (view.traversal, view.shade) {
             (Traversal::Fast, Shade::None) => {
-                let exact = Exact { ramped: view.colors.mode != ColorMode::Rgb, screen: band.screen };
+                let ramped = view.colors.mode != ColorMode::Rgb;
+                let exact = Exact { ramped, screen: band.screen, floats };
                 add("trace", self.exact(gpu, exact)?, pixels);
+            }
+            (Traversal::Fast, Shade::Lit) if floats => {
+                let [trace, shade] = self.floating(gpu)?;
+                add("trace", trace, pixels);
+                add("shade", shade, pixels);
             }
             (traversal, _) => {
                 let trace = if traversal == Traversal::Fast { self.trace.clone() } else { self.plain(gpu)? };
@@ -231,6 +258,14 @@ impl FramePipelines {
             });
         }
         Ok(passes)
+    }
+
+    fn floating(&mut self, gpu: &Gpu) -> Result<[ComputePipeline; 2], GpuError> {
+        if self.floating.is_none() {
+            let [trace, shade] = floating(self.access, self.options).map(|desc| desc.make(gpu));
+            self.floating = Some([trace?, shade?]);
+        }
+        Ok(self.floating.clone().expect("just made"))
     }
 
     /// The pipeline for exact images that need so much.
@@ -256,6 +291,7 @@ impl FramePipelines {
 #[cfg(feature = "view")]
 pub fn pipeline_descs(kind: DeviceKind, access: Access) -> [Vec<PipelineDesc>; 2] {
     let options = PassOptions::of(kind);
-    let exact = [true, false].map(|ramped| Exact { ramped, screen: false }.desc(access, options));
+    let exact =
+        [true, false].map(|ramped| Exact { ramped, screen: false, floats: false }.desc(access, options));
     [passes(access, options).into(), exact.into()]
 }

@@ -278,7 +278,7 @@ impl Renderer {
         inputs.write(&constants, table, ramp, slab, heights);
 
         let has_beams = self.targets.as_mut().expect("prepared").has_beams_for(band);
-        let passes = self.pipelines.passes(&gpu, view, band, has_beams)?;
+        let passes = self.pipelines.passes(&gpu, view, band, has_beams, table.floats)?;
         if self.options.logged.is_some() {
             commands.keep(self.log.as_ref().expect("Renderer::log made it")[0].clone());
         }

@@ -1,0 +1,164 @@
+// Of stacks, where something may float: each column's solid part, from its highest solid span down, and the spans that float
+// above it. What is always solid is; vegetation, wires and the like float; of what is not classified a span floats where at
+// least three of the 5 x 5 columns around have a gap below it, as where a laser sees through crowns.
+// Reads runs and gaps; writes lists, spans, what columns show, the measured bits and level 0 of the pyramid, without bridges
+// levels 1 and 2. One thread a half block; y is the job.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "pool.glsl"
+#include "section.glsl"
+#include "derive.glsl"
+#include "runs.glsl"
+#include "floats.glsl"
+#include "stacks.glsl"
+
+layout(local_size_x = DERIVE_THREADS) in;
+layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follows
+
+const int REACH = 2;
+const uint LEAST_GAPS = 3u;
+
+uint span; // where the next one goes
+uvec2 bounds; // codes of the list's highest top and lowest bottom
+
+// Whether at least three of the columns around `column` have a gap below `lowest` (code of a span's lowest point).
+bool is_over_gaps(ivec2 column, int lowest) {
+    uint gaps = 0u;
+    for (int k = 0; k < 25; k++) {
+        ivec2 near = column + ivec2(k % 5, k / 5) - REACH;
+        if (any(notEqual(near & int(SECTION_SIDE - 1u), near))) continue;
+        uint list = list_of(derived, block_of(uvec2(near)), IS_WIDE);
+        if (list == 0u) continue;
+        uint inner = in_block(uvec2(near)), at = list + 1u + IS_WIDE + LIST_GAPS;
+        uint beneath = load_two(derived, at, inner & ~1u)[inner & 1u];
+        if (beneath != 0u && int(beneath) < lowest - int(gap)) gaps++;
+    }
+    return gaps >= LEAST_GAPS;
+}
+
+// Biased height of the lowest point of the span that goes on from `run` downward; further runs lie from `at` to `end`.
+uint lowest_of_span(uvec4 run, uint at, uint end) {
+    uint lowest = lowest_of(run);
+    for (; at < end; at += STACK_RUN_WORDS) {
+        uvec4 next = further_run(at);
+        if (!same_key(run, next)) continue;
+        if (lowest > next.x && lowest - next.x > gap) break;
+        lowest = lowest_of(next);
+    }
+    return lowest;
+}
+
+// Biased height down to which there is no air below `run`: to the next of its span, or as thick as a cell below its lowest.
+uint bottom_of(uvec4 run, uint at, uint end) {
+    uint lowest = lowest_of(run), bottom = lowest - min(thickness, lowest - 1u);
+    for (; at < end; at += STACK_RUN_WORDS) {
+        uvec4 next = further_run(at);
+        if (!same_key(run, next)) continue;
+        return lowest <= next.x || lowest - next.x <= gap ? min(bottom, next.x) : bottom;
+    }
+    return bottom;
+}
+
+void add_span(uvec3 run, uint bottom) {
+    uvec2 codes = uvec2(code_of(run.x), uint(max(int(code_of(bottom)), 1)));
+    if (WIDE) {
+        pool_store(derived, span, codes.x);
+        pool_store(derived, span + 1u, codes.y);
+    } else pool_store(derived, span, codes.x | codes.y << 16u);
+    pool_store(derived, span + 1u + IS_WIDE, shows_of(run));
+    span += span_words(IS_WIDE);
+    bounds = uvec2(max(bounds.x, codes.x), bounds.x == 0u ? codes.y : min(bounds.y, codes.y));
+}
+
+// Adds the spans of a column of the block, stores what its solid part shows, and gives that part's code in x, in y how many
+// spans there are. Its further runs lie from `at` to `end`.
+uvec2 stack_of(uint column, ivec2 place_in_section, uint at, uint end, uint to) {
+    uint spans = 0u;
+    uvec4 run = first_run(column);
+    bool any = false;
+    while (run.x != 0u && !any) {
+        if (ALL || shown(run.xyz)) {
+            uint class_ = class_of(run.xyz);
+            bool floats = always_floats(class_);
+            if (!floats && !is_always_solid(class_))
+                floats = is_over_gaps(place_in_section, int(code_of(lowest_of_span(run, at, end))));
+            if (floats) {
+                add_span(run.xyz, bottom_of(run, at, end));
+                spans++;
+            } else {
+                any = true;
+                break;
+            }
+        }
+        run = uvec4(0u);
+        if (at < end) run = further_run(at);
+        at += STACK_RUN_WORDS;
+    }
+    uint height = run.x;
+    if (!ALL && tie != 0u && any && tells_nothing(run.xyz)) {
+        uint least = height - min(tie, height - 1u);
+        for (; at < end; at += STACK_RUN_WORDS) {
+            uvec4 next = further_run(at);
+            if (next.x < least) break;
+            if (shown(next.xyz) && !tells_nothing(next.xyz)) {
+                run = next;
+                break;
+            }
+        }
+    }
+    pool_store(derived, to, any ? shows_of(run.xyz) : 0u);
+    return uvec2(any ? code_of(height) : 0u, spans);
+}
+
+void main() {
+    uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x, upper = half_block & 1u;
+    uvec4 section = JOB[job].section;
+    begin_stacks(job);
+    block = place_of(half_block, 0u);
+    if (block == 0u) return;
+    uint number = place_of(half_block, 4u + upper);
+    if (number == 0u) return;
+    counts = section.z + (block - FIRST_STACK_BLOCK) / STACK_BLOCK_WORDS * COUNT_WORDS + upper * 8u;
+    uint before = place_of(half_block, 1u);
+    for (uint w = 0u; w < upper * 8u; w++) before += sum_of_bytes(pool_load(place, counts - 8u + w));
+    uint first_span = lists_at(IS_WIDE) + 2u * pool_load(place, HEADER_LISTS) * list_words(IS_WIDE);
+    span = first_span + place_of(half_block, 2u + upper) * span_words(IS_WIDE);
+    uint west = western_block(half_block, IS_WIDE), measured = 0u;
+    uvec2 origin = half_block_origin(half_block);
+
+    for (uint side = 0u; side < 2u; side++) {
+        uint list = list_at(number, side), first = west + side * block_words(IS_WIDE);
+        uint other = section.w + STACK_RUN_WORDS * before;
+        bounds = uvec2(0u);
+        pool_store(derived, list + 1u + IS_WIDE + LIST_SPANS, span);
+        // A word of counts is a row of one of the two derived blocks.
+        for (uint w = 0u; w < 8u; w++) {
+            uint others = pool_load(place, counts + w);
+            if ((w & 1u) != side) {
+                other += STACK_RUN_WORDS * sum_of_bytes(others);
+                continue;
+            }
+            uint row = w >> 1u, counted = 0u;
+            for (uint two = 0u; two < 2u; two++) {
+                uvec2 codes = uvec2(0u);
+                for (uint k = 0u; k < 2u; k++) {
+                    uint x = two * 2u + k, end = other + STACK_RUN_WORDS * (others >> 8u * x & 0xFFu);
+                    uint to = first + shown_in_block(IS_WIDE) + row * 4u + x;
+                    uvec2 stack = stack_of(upper * 32u + w * 4u + x, ivec2(origin) + ivec2(side * 4u + x, row), other, end, to);
+                    other = end;
+                    codes[k] = stack.x;
+                    counted |= stack.y << 8u * x;
+                    measured |= (stack.x != 0u ? 1u : 0u) << row * 8u + side * 4u + x;
+                }
+                store_two(derived, first, row * 4u + two * 2u, codes);
+            }
+            pool_store(derived, list + 1u + IS_WIDE + LIST_COUNTS + row, counted);
+        }
+        if (WIDE) {
+            pool_store(derived, list, bounds.x);
+            pool_store(derived, list + 1u, bounds.y);
+        } else pool_store(derived, list, bounds.x | bounds.y << 16u);
+    }
+    pool_store(derived, west + measured_in_block(IS_WIDE), measured);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west);
+}

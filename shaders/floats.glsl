@@ -1,0 +1,54 @@
+// Where what floats is in what is derived of a section: see the drawing in docs/from-file-to-pixel.md. Behind the pyramid, only
+// where something may float: the places of the blocks' lists, what floats in the nodes of levels 3 to 8, lists, spans.
+// Needs pool.glsl, section.glsl. Words count from the start of what is derived; `wide`: 1 where codes are wide.
+
+#ifndef FLOATS_GLSL
+#define FLOATS_GLSL
+uint floats_at(uint wide) { return upper_levels(wide) + (UPPER_CODES >> 1u - wide) + 15u & ~15u; }
+uint list_words(uint wide) { return wide != 0u ? LIST_WORDS_WIDE : LIST_WORDS; }
+uint span_words(uint wide) { return wide != 0u ? SPAN_WORDS_WIDE : SPAN_WORDS; }
+// First of the lists, and of the spans.
+uint lists_at(uint wide) { return floats_at(wide) + FLOAT_NODES + (FLOAT_NODE_COUNT << wide); }
+
+// Codes of top and bottom, a word, or two where they are wide; no top: nothing is there.
+uvec2 top_and_bottom(uvec2 place, uint at, uint wide) {
+    uint word = pool_load(place, at);
+    if (wide != 0u) return uvec2(word, pool_load(place, at + 1u));
+    return uvec2(word & MOST_NARROW_CODE, word >> 16u);
+}
+
+// Place of the list of a derived block; 0: nothing floats there.
+uint list_of(uvec2 place, uint block, uint wide) { return pool_load(place, floats_at(wide) + FLOAT_LISTS + block); }
+
+// Place of a node of level 3 or more.
+uint float_node_at(uint level, uvec2 node, uint wide) {
+    uint index = upper_level(level) - upper_level(3u) + (node.y << SECTION_LOG2 - level | node.x);
+    return floats_at(wide) + FLOAT_NODES + (index << wide);
+}
+
+// Place of the mean of a node of levels 2 to 5.
+uint mean_at(uint level, uvec2 node, uint wide) {
+    return floats_at(wide) + FLOAT_MEANS + upper_level(level) + (node.y << SECTION_LOG2 - level | node.x);
+}
+
+uint bytes_together(uint four) {
+    uint pairs = (four & 0x00FF00FFu) + (four >> 8u & 0x00FF00FFu);
+    return (pairs & 0xFFFFu) + (pairs >> 16u);
+}
+
+// Spans of a block: where they start.
+uint spans_of(uvec2 place, uint list, uint wide) { return pool_load(place, list + 1u + wide + LIST_SPANS); }
+
+// Of column `inner` of a block: the first of its spans among those of the block, and how many it has.
+uvec2 spans_of_column(uvec2 place, uint list, uint inner, uint wide) {
+    uint counts = list + 1u + wide + LIST_COUNTS, first = 0u;
+    uint word = 0u;
+    for (uint w = 0u; w <= inner >> 2u; w++) {
+        first += bytes_together(word);
+        word = pool_load(place, counts + w);
+    }
+    uint shift = (inner & 3u) * 8u;
+    return uvec2(first + bytes_together(word & (1u << shift) - 1u), word >> shift & 0xFFu);
+}
+
+#endif

@@ -1,0 +1,59 @@
+// Mean heights of what is solid and measured, in nodes of levels 2 to 5: what fill.comp fills holes from (the pull of push-pull:
+// Gortler et al. 1996, section 3.4.2).
+// Reads the measured bits and level 0 of the pyramid. One workgroup of 256 threads a section; x is the job.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "pool.glsl"
+#include "section.glsl"
+#include "derive.glsl"
+#include "floats.glsl"
+
+layout(local_size_x = PYRAMID_THREADS) in;
+
+shared uint means[1024];
+
+// Sum of what is there of four, each less the first, and how many that is.
+uint mean_of(uvec4 four) {
+    uint least = 0xFFFFFFFFu, sum = 0u, n = 0u;
+    for (int k = 0; k < 4; k++) if (four[k] != 0u) least = min(least, four[k]);
+    for (int k = 0; k < 4; k++) if (four[k] != 0u) { sum += (four[k] - least) >> 2u; n++; }
+    return n == 0u ? 0u : least + sum / n * 4u;
+}
+
+void main() {
+    uvec4 here = JOB[gl_WorkGroupID.x].near[4];
+    uvec2 derived = here.xy;
+    uint lane = gl_LocalInvocationID.x;
+    if (pool_load(JOB[gl_WorkGroupID.x].section.xy, HEADER_LISTS) == 0u) return;
+
+    for (uint k = lane; k < 1024u; k += PYRAMID_THREADS) {
+        uvec4 four = uvec4(0u);
+        for (uint n = 0u; n < 4u; n++) {
+            uvec2 node = uvec2((k & 31u) * 2u + (n & 1u), (k >> 5u) * 2u + (n >> 1u));
+            uvec4 rows = uvec4(0u);
+            for (uint row = 0u; row < 4u; row++) {
+                uvec4 codes = load_four(derived, (node.y << DERIVED_BLOCKS_LOG2 | node.x) * block_words(IS_WIDE), row * 4u);
+                for (uint x = 0u; x < 4u; x++)
+                    if (!is_measured(derived, node * 4u + uvec2(x, row), IS_WIDE)) codes[x] = 0u;
+                rows[row] = mean_of(codes);
+            }
+            four[n] = mean_of(rows);
+            pool_store(derived, mean_at(2u, node, IS_WIDE), four[n]);
+        }
+        means[k] = mean_of(four);
+    }
+    for (uint level = 3u; level <= MEANS_LEVEL; level++) {
+        uint side = SECTION_SIDE >> level;
+        barrier();
+        for (uint k = lane; k < side * side; k += PYRAMID_THREADS)
+            pool_store(derived, mean_at(level, uvec2(k % side, k / side), IS_WIDE), means[k]);
+        uint half_side = side / 2u, mean = 0u;
+        // From 16x16 on, a level has no more nodes than there are threads.
+        if (lane < half_side * half_side) {
+            uint k = lane / half_side * 2u * side + lane % half_side * 2u;
+            mean = mean_of(uvec4(means[k], means[k + 1u], means[k + side], means[k + side + 1u]));
+        }
+        barrier();
+        if (lane < half_side * half_side) means[lane] = mean;
+    }
+}

@@ -1,0 +1,109 @@
+// Of stacks: in half blocks where nothing may float, each column's top, as tops.comp; in the others the gaps of columns, from
+// which floaters.comp tells what floats. A gap is where the points that are shown leave more than the slice's height free; of a
+// column's gaps the lowest counts.
+// Reads runs; writes what columns show, the measured bits and level 0 of the pyramid, without bridges levels 1 and 2; the places
+// of lists, and their gaps. One thread a half block; y is the job.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "pool.glsl"
+#include "section.glsl"
+#include "derive.glsl"
+#include "runs.glsl"
+#include "floats.glsl"
+#include "stacks.glsl"
+
+layout(local_size_x = DERIVE_THREADS) in;
+layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follows
+
+uint column, other;
+uint measured = 0u;
+
+// Stores what the next column shows, gives its top's code; `others` is how many further runs it has.
+uint next_top(uint others, uint to) {
+    uvec3 top = run_at(block + RUN_WORDS * column++);
+    uint end = other + STACK_RUN_WORDS * others;
+    while (top.x != 0u && !ALL && !shown(top)) {
+        top = other < end ? run_at(other) : uvec3(0u);
+        other += STACK_RUN_WORDS;
+    }
+    bool any = top.x != 0u;
+    uint height = top.x;
+    if (!ALL && tie != 0u && any && tells_nothing(top)) {
+        uint least = height - min(tie, height - 1u);
+        for (uint at = other; at < end; at += STACK_RUN_WORDS) {
+            uvec3 run = run_at(at);
+            if (run.x < least) break;
+            if (shown(run) && !tells_nothing(run)) {
+                top = run;
+                break;
+            }
+        }
+    }
+    other = end;
+    measured = measured >> 1u | (any ? 0x80000000u : 0u);
+    pool_store(derived, to, shows_of(top));
+    return any ? code_of(height) : 0u;
+}
+
+// Code of the highest thing beneath the next column's lowest gap; 0: it has none.
+uint next_gap(uint others) {
+    uvec4 run = first_run(column++);
+    uint beneath = 0u, lowest = 0xFFFFFFFFu, end = other + STACK_RUN_WORDS * others;
+    while (run.x != 0u) {
+        if (ALL || shown(run.xyz)) {
+            if (lowest != 0xFFFFFFFFu && lowest > run.x && lowest - run.x > gap) beneath = run.x;
+            lowest = min(lowest, lowest_of(run));
+        }
+        run = uvec4(0u);
+        if (other < end) run = further_run(other);
+        other += STACK_RUN_WORDS;
+    }
+    other = end;
+    return beneath != 0u ? code_of(beneath) : 0u;
+}
+
+void main() {
+    uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x, upper = half_block & 1u;
+    uvec4 section = JOB[job].section;
+    begin_stacks(job);
+
+    block = place_of(half_block, 0u);
+    counts = section.z + (block - FIRST_STACK_BLOCK) / STACK_BLOCK_WORDS * COUNT_WORDS;
+    uint west = western_block(half_block, IS_WIDE), number = block != 0u ? place_of(half_block, 4u + upper) : 0u;
+    if (pool_load(place, HEADER_LISTS) != 0u) {
+        uvec2 origin = half_block_origin(half_block);
+        uint at = floats_at(IS_WIDE) + FLOAT_LISTS + block_of(origin);
+        for (uint side = 0u; side < 2u; side++) pool_store(derived, at + side, number != 0u ? list_at(number, side) : 0u);
+    }
+    column = upper * 32u;
+    uint before = 0u;
+    if (block != 0u) {
+        before = place_of(half_block, 1u);
+        for (uint w = 0u; w < column / 4u; w++) before += sum_of_bytes(pool_load(place, counts + w));
+    }
+    other = section.w + STACK_RUN_WORDS * before;
+    // Two at a time, of one word where codes are narrow.
+    for (uint two = 0u; two < 16u; two++) {
+        uint side = two >> 1u & 1u, inner = (two >> 2u) * 4u + (two & 1u) * 2u;
+        uint first = west + side * block_words(IS_WIDE), to = first + shown_in_block(IS_WIDE) + inner;
+        uvec2 codes = uvec2(0u);
+        if (block == 0u) {
+            pool_store(derived, to, 0u);
+            pool_store(derived, to + 1u, 0u);
+        } else {
+            uint others = pool_load(place, counts + (column >> 2u)) >> (two & 1u) * 16u;
+            if (number == 0u) {
+                codes.x = next_top(others & 0xFFu, to);
+                codes.y = next_top(others >> 8u & 0xFFu, to + 1u);
+            } else {
+                codes.x = next_gap(others & 0xFFu);
+                codes.y = next_gap(others >> 8u & 0xFFu);
+            }
+        }
+        if (number == 0u) store_two(derived, first, inner, codes);
+        else store_two(derived, list_at(number, side) + 1u + IS_WIDE + LIST_GAPS, inner, codes);
+    }
+    if (number != 0u) return;
+    pool_store(derived, west + measured_in_block(IS_WIDE), measured);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west);
+}
