@@ -15,7 +15,7 @@ use lasray::resident::Work;
 use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::visibility::Visibility;
-use lasray::section::{Columns, Payload};
+use lasray::section::{Columns, Payload, Surface};
 use lasray::source::placement::PlacementOptions;
 use lasray::synth::{Format, Tile, Town, write_tile};
 use std::sync::atomic::AtomicBool;
@@ -156,6 +156,7 @@ fn tracing(c: &mut Criterion) {
     let never = AtomicBool::new(false);
     write_tile(&Town::new(1), &tile, &path, Format::Three, false, &never, |_| ()).expect("written");
     let options = LoadOptions {
+        surface: Surface::Columns,
         cell: Some(0.5.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,

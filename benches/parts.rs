@@ -8,7 +8,7 @@ use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_SIDE};
 use lasray::ingest::bins::{Binner, Bins, Budget};
 use lasray::ingest::input::Input;
 use lasray::sample::RgbDepth;
-use lasray::section::Columns;
+use lasray::section::{Columns, Surface};
 use lasray::source::placement::Placement;
 use lasray::source::{Decoder, LidarFile, PointBlock};
 use lasray::synth::{Format, Tile, Town, write_tile};
@@ -70,7 +70,7 @@ fn binning(c: &mut Criterion) {
             let everywhere = [i64::MIN / 4..i64::MAX / 4, i64::MIN / 4..i64::MAX / 4];
             let plenty = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
             b.iter_batched(
-                || Bins::new(grid, everywhere.clone(), plenty),
+                || Bins::new(Surface::Columns, grid, everywhere.clone(), plenty),
                 |bins| {
                     blocks.iter().for_each(|block| binner.bin(&bins, &input, block));
                     bins.finish()

@@ -23,6 +23,7 @@ use lasray::render::camera::Camera;
 use lasray::render::frame::{Background, Logged, PassOptions, Renderer, Shade, Traversal, View, check_size};
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;
+use lasray::section::Surface;
 use lasray::source::placement::PlacementOptions;
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -486,6 +487,7 @@ fn main() -> anyhow::Result<()> {
     println!("{}; commit {COMMIT}", gpu.info());
     let mut problems = Problems::default();
     let options = LoadOptions {
+        surface: Surface::Columns,
         cell: Some(CELL.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,

@@ -10,7 +10,7 @@ use crate::ingest::input::{Input, OpenInput, SeenKinds};
 use crate::ingest::workers::{ReadProgress, read_all};
 use crate::problems::Problems;
 use crate::sample::{self, Asked, FileSample, Opened, RgbDepth};
-use crate::section::Columns;
+use crate::section::{Columns, Surface};
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
 use crate::source::learned::{Cache, Counts};
@@ -29,6 +29,8 @@ use std::time::Duration;
 /// What the user decides about reading.
 #[derive(Clone, Debug)]
 pub struct LoadOptions {
+    /// What the points of a column stand for.
+    pub surface: Surface,
     /// Side of a finest cell; `None`: chosen from the data.
     pub cell: Option<Length>,
     /// Coordinate systems and units.
@@ -200,7 +202,7 @@ pub fn read(opening: Opening, options: &LoadOptions, problems: &mut Problems) ->
     let layer_bytes = layer_bytes(options.budget.host_bytes);
     let layers = LayerMemory::new(layer_bytes);
     let host_bytes = options.budget.host_bytes - layer_bytes;
-    let bins = Bins::new(grid, core, Budget { host_bytes, ..options.budget });
+    let bins = Bins::new(options.surface, grid, core, Budget { host_bytes, ..options.budget });
     let total = inputs.iter().map(|i| i.input.file.points()).sum();
     let inputs: Vec<_> = inputs.into_iter().map(|i| i.input).collect();
     let progress = ReadProgress::default();
@@ -520,7 +522,7 @@ pub fn tiles_of(
     let metre = Unit::metre();
     let cell = options.cell.unwrap_or(0.5.into()).in_units(Some(&metre)).map_err(LoadError::NoUnit)?;
     let grid = grid(cell, &flat)?;
-    let bins = Bins::new(grid, core(cell, &flat), options.budget);
+    let bins = Bins::new(options.surface, grid, core(cell, &flat), options.budget);
     let progress = ReadProgress::default();
     let sampled = std::sync::Mutex::new((crate::attribute::AttributeSample::default(), Vec::new()));
     watched(tiles.iter().map(|t| t.points).sum(), options.quiet, &progress, || {

@@ -11,6 +11,7 @@ use lasray::ingest::bins::Budget;
 use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, DEFAULT_ORBIT, Projection};
+use lasray::section::Surface;
 use lasray::source::placement::PlacementOptions;
 use made::{Made, Packing};
 use peak_alloc::PeakAlloc;
@@ -30,6 +31,7 @@ const POINTS: usize = 70;
 
 fn check(paths: &[PathBuf], cell: Option<f64>, mix_crs: bool) -> Result<Option<u64>, TestCaseError> {
     let options = LoadOptions {
+        surface: Surface::Columns,
         cell: cell.map(Into::into),
         placement: PlacementOptions { mix_crs, ..Default::default() },
         rgb_bits: None,

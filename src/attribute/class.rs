@@ -51,6 +51,17 @@ pub fn tells_nothing(class: u8) -> bool {
     matches!(class, 0 | 1 | 12)
 }
 
+/// Whether points of a class never float: ground, buildings, water, rails, roads.
+pub const fn is_always_solid(class: u8) -> bool {
+    matches!(class, 2 | 6 | 9 | 10 | 11 | 41)
+}
+
+/// Whether points of a class always float: vegetation, wires and what holds them, bridges, what hangs overhead, noise. Of the
+/// others, that are not always solid either, what is beneath them tells.
+pub const fn always_floats(class: u8) -> bool {
+    matches!(class, 3..=5 | 7 | 13..=19)
+}
+
 /// Kinds of points, by what shows or hides them: class, and whether they are withheld.
 pub type Kinds = BTreeSet<(u8, bool)>;
 
@@ -145,6 +156,16 @@ mod tests {
         let only = ClassMask::only(&[2, 64, 255]);
         assert_eq!((0..=255).filter(|&c| only.shows(c)).collect::<Vec<u8>>(), [2, 64, 255]);
         assert_eq!(only.without(&[64]).0, [4, 0, 0, 0, 0, 0, 0, 0x8000_0000]);
+    }
+
+    #[test]
+    fn classes_are_solid_or_float_or_neither() {
+        let (solid, rest): (Vec<u8>, Vec<u8>) = (0..=255).partition(|&class| is_always_solid(class));
+        let (floating, rest): (Vec<u8>, Vec<u8>) = rest.into_iter().partition(|&class| always_floats(class));
+        assert_eq!(solid, [2, 6, 9, 10, 11, 41]);
+        assert_eq!(floating, [3, 4, 5, 7, 13, 14, 15, 16, 17, 18, 19]);
+        assert!(rest.iter().all(|&class| class >= 20 || matches!(class, 0 | 1 | 8 | 12)));
+        assert_eq!(rest.len(), 256 - 6 - 11);
     }
 
     #[test]

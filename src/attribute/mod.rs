@@ -15,7 +15,7 @@ mod srgb;
 mod summary;
 mod table;
 
-pub use class::{ClassMask, Kinds, class_color, class_name, tells_nothing};
+pub use class::{ClassMask, Kinds, always_floats, class_color, class_name, is_always_solid, tells_nothing};
 pub use class_names::{class_names, classes_named};
 pub use counts::KindCounts;
 pub use mode::ColorMode;

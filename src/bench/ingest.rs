@@ -12,6 +12,7 @@ use crate::ingest::input::Input;
 use crate::ingest::workers::{Clocks, ReadProgress, read_all};
 use crate::load::{self, LoadError};
 use crate::sample;
+use crate::section::Surface;
 use crate::source::placement::PlacementOptions;
 use crate::source::{Decoder, LayerMemory, LidarFile};
 use crate::synth::Format;
@@ -175,7 +176,7 @@ impl Case {
     /// Seconds from points to finished sections, and of all threads together in reads, decoding and binning.
     fn ingest(&self, threads: u32) -> anyhow::Result<[f64; 4]> {
         let budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
-        let bins = Bins::new(self.grid()?, load::core(self.cell, &self.bounds), budget);
+        let bins = Bins::new(Surface::Columns, self.grid()?, load::core(self.cell, &self.bounds), budget);
         let progress = ReadProgress::default();
         let start = Instant::now();
         let errors = read_all(&self.input, &bins, threads as usize, &LayerMemory::default(), &progress);

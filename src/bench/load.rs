@@ -18,6 +18,7 @@ use crate::load;
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
 use crate::resident::visibility::Visibility;
+use crate::section::Surface;
 use crate::source::{Decoder, LayerMemory};
 use anyhow::{Context, ensure};
 use std::path::Path;
@@ -140,7 +141,7 @@ fn ours(scene: &mut Scene, case: &Case, threads: usize) -> anyhow::Result<[f64; 
     let grid = case.grid()?;
     let begin = Instant::now();
     let budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
-    let bins = Bins::new(grid, load::core(case.cell, &case.bounds), budget);
+    let bins = Bins::new(Surface::Columns, grid, load::core(case.cell, &case.bounds), budget);
     let errors = read_all(&case.input, &bins, threads, &LayerMemory::default(), &ReadProgress::default());
     if let Some(error) = errors.into_iter().next() {
         return Err(error.into());

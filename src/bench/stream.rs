@@ -256,7 +256,8 @@ impl<'a> StreamCase<'a> {
         // What is wrong with the files was said when they were opened first.
         let Opening { inputs, grid, core, .. } =
             load::open(&self.files, &self.options.load, &mut Problems::default())?;
-        Ok(Live::new(inputs, grid, core, self.options.host_bytes, load::threads(), || ()))
+        let (surface, host_bytes) = (self.options.load.surface, self.options.host_bytes);
+        Ok(Live::new(inputs, surface, grid, core, host_bytes, load::threads(), || ()))
     }
 
     /// Draws what is there, untimed, for so long where the device's clock follows its load.

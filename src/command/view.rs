@@ -14,6 +14,7 @@ use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
 use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
 use crate::resident::visibility::Visibility;
+use crate::section::Surface;
 use crate::source::inputs;
 use crate::source::learned::Cache;
 use crate::view;
@@ -49,6 +50,9 @@ pub struct Args {
     /// Light, or plain colours
     #[arg(long, value_enum, default_value = "lit", help_heading = "Picture")]
     shade: Shade,
+    /// What the points stand for
+    #[arg(long, value_enum, default_value = "columns", help_heading = "Picture")]
+    surface: Surface,
     /// Show holes of up to four cells, which are bridged otherwise
     #[arg(long, help_heading = "Picture")]
     no_bridge: bool,
@@ -166,6 +170,7 @@ impl Args {
             inputs: self.inputs.clone(),
             hidden: self.hidden.clone(),
             data: view::data::ReadOptions {
+                surface: self.surface,
                 cell: self.cell.0,
                 placement: self.placement.options(),
                 rgb_bits: self.rgb_bits.as_ref().map(|bits| if bits == "8" { 8 } else { 16 }),

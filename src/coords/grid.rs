@@ -2,6 +2,7 @@
 
 use super::heights::Height;
 use super::section::CellIndex;
+use super::stacking::Stacking;
 
 /// Largest distance of a cell index from the grid's origin that the device can address (i32 with room).
 pub const CELL_LIMIT: i64 = 1 << 29;
@@ -49,6 +50,13 @@ impl Grid {
     /// Height steps in the side of a cell of detail level `level`.
     pub fn cell_steps(&self, level: u8) -> f64 {
         self.cell() * f64::from(level).exp2() / self.height_step
+    }
+
+    /// What columns of detail level `level` are stacked by: their thickness is a cell, rounded up; their slices are the
+    /// smallest power of two of steps that is at least two cells of `base_cell`, doubled with each level and each doubling
+    /// of the cell.
+    pub fn stacking(&self, level: u8) -> Stacking {
+        Stacking::new(self.base_cell / self.height_step, self.coarsen + u32::from(level))
     }
 
     /// Side of a finest cell, CRS units.

@@ -8,6 +8,7 @@ mod low_surface;
 mod ordinary;
 mod outline;
 mod section;
+mod stacking;
 
 pub use bounds::{Bounds, on_lattice};
 pub use grid::{CELL_LIMIT, Extent, Grid};
@@ -17,3 +18,4 @@ pub use low_surface::{LOW_SIDE, LowSurface, Slab};
 pub use ordinary::Ordinary;
 pub use outline::Outline;
 pub use section::{CellIndex, SECTION_COLUMNS, SECTION_LOG2, SECTION_SIDE, SectionKey};
+pub use stacking::Stacking;

@@ -5,9 +5,9 @@
 //! are coarsened by one power of two, which equals having binned at that size from the start.
 
 use crate::attribute::{Attributes, Record};
-use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey};
+use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey, Stacking};
 use crate::limits::LIMITS;
-use crate::section::{Columns, column_index, device_bytes};
+use crate::section::{Columns, Surface, column_index, device_bytes};
 use crate::source::PointBlock;
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -32,6 +32,7 @@ pub struct Budget {
 
 /// All sections while points arrive.
 pub struct Bins {
+    surface: Surface,
     /// Read-locked while a block is binned; write-locked to coarsen.
     grid: RwLock<Grid>,
     sections: Mutex<HashMap<SectionKey, Shared>>,
@@ -54,6 +55,11 @@ struct Strays {
 
 /// A section that several threads put points into.
 pub type Shared = Arc<Mutex<Columns>>;
+
+/// One without points.
+pub fn shared(surface: Surface, stacking: Stacking) -> Shared {
+    Arc::new(Mutex::new(Columns::new(surface, stacking)))
+}
 
 /// Cells of the base grid, west-east and south-north, that the data is believed to lie in.
 pub type Core = [std::ops::Range<i64>; 2];
@@ -81,9 +87,10 @@ pub fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Bins {
-    /// Empty bins on `grid`.
-    pub fn new(grid: Grid, core: Core, budget: Budget) -> Bins {
+    /// Empty bins on `grid`, of columns as `surface` has them.
+    pub fn new(surface: Surface, grid: Grid, core: Core, budget: Budget) -> Bins {
         Bins {
+            surface,
             grid: RwLock::new(grid),
             sections: Mutex::default(),
             strays: Mutex::default(),
@@ -109,9 +116,9 @@ impl Bins {
         }
     }
 
-    /// The section `key`, made if need be.
-    fn section(&self, key: SectionKey) -> Shared {
-        Arc::clone(lock(&self.sections).entry(key).or_default())
+    /// The section `key`, made if need be; `stacking`: of the grid.
+    fn section(&self, key: SectionKey, stacking: Stacking) -> Shared {
+        Arc::clone(lock(&self.sections).entry(key).or_insert_with(|| shared(self.surface, stacking)))
     }
 
     fn over_budget(&self) -> bool {
@@ -138,17 +145,19 @@ impl Bins {
         }
         grid.coarsen += 1;
         grid.anchor = grid.anchor.map(|a| a >> 1);
+        let stacking = grid.stacking(0);
         let mut sections = lock(&self.sections);
         let mut parents = HashMap::<SectionKey, Columns>::new();
         for (key, child) in sections.drain() {
             // Keys stay at level 0: the grid itself is coarser now.
-            let parent = parents.entry(SectionKey { level: 0, ..key.parent() }).or_default();
+            let parent = SectionKey { level: 0, ..key.parent() };
+            let parent = parents.entry(parent).or_insert_with(|| Columns::new(self.surface, stacking));
             lock(&child).coarsen_into(key.i, key.j, parent);
         }
         let (mut host, mut device) = (0, 0);
         for (key, parent) in parents {
             host += parent.bytes() as u64;
-            device += device_bytes(&parent.layout());
+            device += device_bytes(&parent.layout_at_most());
             sections.insert(key, Arc::new(Mutex::new(parent)));
         }
         self.host_bytes.store(host, Ordering::Relaxed);
@@ -182,7 +191,8 @@ impl Bins {
         } else {
             let side = SECTION_SIDE as i32 - 1;
             for (cell, (_, record)) in cells.into_iter().zip(strays.points) {
-                let columns: &mut Columns = sections.entry(SectionKey::of(cell)).or_default();
+                let of_strays = || Columns::new(self.surface, grid.stacking(0));
+                let columns = sections.entry(SectionKey::of(cell)).or_insert_with(of_strays);
                 columns.add((cell.i & side) as u32, (cell.j & side) as u32, record);
             }
         }
@@ -253,7 +263,8 @@ impl Binner {
             let stray = &mut |at, record| bins.keep_stray(at, record);
             let (next, outside) = self.place(&grid, &bins.core, meaning, block, first, stray);
             self.group();
-            let grown = self.put(meaning, block, first, &|key| Some(bins.section(key)));
+            let stacking = grid.stacking(0);
+            let grown = self.put(meaning, block, first, &|key| Some(bins.section(key, stacking)));
             bins.outside.fetch_add(outside, Ordering::Relaxed);
             bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
             bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);
@@ -298,7 +309,7 @@ impl Binner {
             let before = if columns.points() == 0 {
                 [0; 2]
             } else {
-                [columns.bytes() as i64, device_bytes(&columns.layout()) as i64]
+                [columns.bytes() as i64, device_bytes(&columns.layout_at_most()) as i64]
             };
             for run in &self.order[self.starts[section] as usize..self.starts[section + 1] as usize] {
                 let of_piece = run.first as usize..run.end as usize;
@@ -308,7 +319,7 @@ impl Binner {
                 });
             }
             grown[0] += columns.bytes() as i64 - before[0];
-            grown[1] += device_bytes(&columns.layout()) as i64 - before[1];
+            grown[1] += device_bytes(&columns.layout_at_most()) as i64 - before[1];
         };
         // Sections that another thread holds come last, so that threads seldom wait for each other.
         let mut held = Vec::new();
@@ -505,10 +516,10 @@ mod tests {
     #[test]
     fn threads_and_order_change_nothing() {
         let blocks: Vec<_> = (0..8).map(|k| scattered(5000 + k, 30_000)).collect();
-        let one = Bins::new(grid(0), EVERYWHERE, PLENTY);
+        let one = Bins::new(Surface::Columns, grid(0), EVERYWHERE, PLENTY);
         let mut binner = Binner::default();
         blocks.iter().for_each(|b| binner.bin(&one, &Plain, b));
-        let two = Bins::new(grid(0), EVERYWHERE, PLENTY);
+        let two = Bins::new(Surface::Columns, grid(0), EVERYWHERE, PLENTY);
         std::thread::scope(|scope| {
             for half in [&blocks[4..], &blocks[..4]] {
                 let two = &two;
@@ -541,7 +552,7 @@ mod tests {
             points.y[i] = i32::MIN;
             points.z[i] = if i % 2 == 0 { i32::MAX } else { 1 };
         }
-        let bins = Bins::new(grid, core.clone(), PLENTY);
+        let bins = Bins::new(Surface::Columns, grid, core.clone(), PLENTY);
         Binner::default().bin(&bins, &Plain, &points);
         let mut one = HashMap::<SectionKey, Columns>::new();
         let (mut strays, mut rest) = (0, 0);
@@ -572,27 +583,32 @@ mod tests {
     #[test]
     fn outgrowing_the_budget_equals_binning_coarser() {
         let points = scattered(40_000, 60_000);
-        let all = Bins::new(grid(2), EVERYWHERE, PLENTY);
+        let all = Bins::new(Surface::Columns, grid(2), EVERYWHERE, PLENTY);
         Binner::default().bin(&all, &Plain, &points);
         let all = all.finish().unwrap();
         let device_bytes: u64 = all.sections.iter().map(|(_, c)| device_bytes(&c.layout())).sum();
 
-        let tight = Bins::new(grid(0), EVERYWHERE, Budget { device_bytes, host_bytes: u64::MAX });
+        let tight =
+            Bins::new(Surface::Columns, grid(0), EVERYWHERE, Budget { device_bytes, host_bytes: u64::MAX });
         Binner::default().bin(&tight, &Plain, &points);
         let tight = tight.finish().unwrap();
         assert_eq!(tight.grid.coarsen, 2);
         assert_eq!(words(&all), words(&tight));
-        assert!(Bins::new(grid(0), EVERYWHERE, Budget { device_bytes: 0, host_bytes: 0 }).finish().is_some());
+        assert!(
+            Bins::new(Surface::Columns, grid(0), EVERYWHERE, Budget { device_bytes: 0, host_bytes: 0 })
+                .finish()
+                .is_some()
+        );
     }
 
     #[test]
     fn a_few_strays_are_kept_and_a_cloud_of_them_is_not() {
         let core = [0..2000, 0..2000];
-        let few = Bins::new(grid(0), core.clone(), PLENTY);
+        let few = Bins::new(Surface::Columns, grid(0), core.clone(), PLENTY);
         Binner::default().bin(&few, &Plain, &block([(100, 100, 0), (20_000_000, 5, 3)].into_iter()));
         assert_eq!(few.finish().unwrap().sections.len(), 2);
 
-        let many = Bins::new(grid(0), core, PLENTY);
+        let many = Bins::new(Surface::Columns, grid(0), core, PLENTY);
         let cloud = (0..100).map(|k| (k * 1_000_000, -k * 700_000, 5));
         Binner::default().bin(&many, &Plain, &block(cloud));
         let many = many.finish().unwrap();
@@ -602,6 +618,7 @@ mod tests {
     #[test]
     fn what_has_no_cell_or_height_is_counted() {
         let bins = Bins::new(
+            Surface::Columns,
             Grid { base_cell: 1e-9, coarsen: 0, anchor: [0, 0], height_step: HEIGHT_STEP },
             EVERYWHERE,
             PLENTY,

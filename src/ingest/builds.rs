@@ -5,13 +5,13 @@
 //! when it lacks none; since a column keeps the maximum, it then is the same whatever came first, and a chunk that is
 //! read twice does no harm.
 
-use super::bins::Shared;
+use super::bins::{self, Shared};
 use super::counts::{self, FileCounts};
 use super::input::{Input, OpenInput};
 use crate::attribute::{KindCounts, Kinds};
 use crate::coords::{Extent, Grid, SectionKey};
 use crate::limits::LIMITS;
-use crate::section::{PayloadKey, PayloadKind};
+use crate::section::{PayloadKey, PayloadKind, Surface};
 use crate::source::SourceError;
 use crate::source::known::{RawBounds, Told};
 use crate::source::learned::Counts;
@@ -157,6 +157,7 @@ pub struct Progress {
 /// All of it.
 pub struct Builds {
     grid: Grid,
+    surface: Surface,
     sources: Vec<Source>,
     chunks: Vec<Chunk>,
     builds: HashMap<PayloadKey, Build>,
@@ -208,10 +209,12 @@ fn reaches_out(inner: Cells, outer: Cells) -> bool {
 }
 
 impl Builds {
-    /// Nothing yet, on `grid`. `budget_bytes`: of sections that are being made, until they are packed.
-    pub fn new(grid: Grid, budget_bytes: u64) -> Builds {
+    /// Nothing yet, on `grid`, of columns as `surface` has them. `budget_bytes`: of sections that are being made, until they
+    /// are packed.
+    pub fn new(surface: Surface, grid: Grid, budget_bytes: u64) -> Builds {
         Builds {
             grid,
+            surface,
             sources: Vec::new(),
             chunks: Vec::new(),
             builds: HashMap::new(),
@@ -446,7 +449,8 @@ impl Builds {
             self.progress.lacking += u64::from(chunk.lacked_by == 0);
             chunk.lacked_by += 1;
         }
-        self.builds.insert(key, Build { columns: Shared::default(), lacks, bytes: 0, damaged });
+        let columns = bins::shared(self.surface, self.grid.stacking(key.section.level));
+        self.builds.insert(key, Build { columns, lacks, bytes: 0, damaged });
         self.finish_if_whole(key);
     }
 
@@ -559,7 +563,7 @@ impl Builds {
             let served =
                 targets.iter().any(|(of, columns)| *of == key && Arc::ptr_eq(columns, &build.columns));
             if served {
-                build.bytes = super::bins::lock(&build.columns).bytes() as u64;
+                build.bytes = bins::lock(&build.columns).bytes() as u64;
             }
             let outside = cells.is_some_and(|[low, high]| !key.section.touches(low, high));
             let mut ends = RoaringBitmap::new();

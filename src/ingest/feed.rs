@@ -47,8 +47,8 @@ pub struct Arrival {
 
 /// Most bytes that columns of so many take once they are packed.
 fn packed_bytes_at_most(columns: u64) -> u64 {
-    // A byte more for each column's twelve, and the head.
-    columns + columns / 8 + (16 << 10)
+    // A byte more for each column's twelve, and the head: places of stacks are 24 KiB.
+    columns + columns / 8 + (32 << 10)
 }
 
 /// Sections of the sparse sample.

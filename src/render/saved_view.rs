@@ -8,7 +8,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
 /// Options that a view may have: what is seen, never where something is written.
-pub const OPTIONS: [&str; 16] = [
+pub const OPTIONS: [&str; 17] = [
     "assume-crs",
     "cell",
     "classes",
@@ -22,6 +22,7 @@ pub const OPTIONS: [&str; 16] = [
     "rgb-bits",
     "shade",
     "size",
+    "surface",
     "withheld",
     "z-scale",
     "z-unit",

@@ -20,7 +20,7 @@ use crate::ingest::changes::{Change, Changes};
 use crate::ingest::feed::{Arrival, Feed, Notice};
 use crate::ingest::input::OpenInput;
 use crate::ingest::sparse;
-use crate::section::{Payload, PayloadKey, PayloadKind};
+use crate::section::{Payload, PayloadKey, PayloadKind, Surface};
 use crate::source::learned::Cache;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -113,10 +113,11 @@ fn domain_of(grid: &Grid, builds: &Builds) -> (Domain, u8) {
 }
 
 impl Live {
-    /// Of files, on `grid`. `host_bytes`: of everything that is held in host memory; `wake` is called when there is
+    /// Of files, on `grid`, with columns as `surface` has them. `host_bytes`: of everything that is held in host memory; `wake` is called when there is
     /// something for [`Live::tick`].
     pub fn new(
         inputs: Vec<OpenInput>,
+        surface: Surface,
         grid: Grid,
         core: Core,
         host_bytes: u64,
@@ -124,7 +125,7 @@ impl Live {
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Live {
         let shares = Shares::of(host_bytes);
-        let mut builds = Builds::new(grid, shares.builds);
+        let mut builds = Builds::new(surface, grid, shares.builds);
         let sources = inputs.len();
         for input in inputs {
             builds.add(input);

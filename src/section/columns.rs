@@ -3,16 +3,22 @@
 //! While points arrive a section ([`Columns`]) keeps the winner of every (column, class) by an order-free maximum, columns
 //! in the order of 8×8 blocks. What is uploaded has those blocks that hold anything, in the same order, so that
 //! [`Columns::pack_into`] mostly copies.
+//!
+//! Of [stacks](Columns::stacks) it keeps more: see there.
+
+mod stacks;
 
 use super::layout::{
-    BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_BLOCK, HEADER_WORDS, HeightCode, Layout, MOST_OTHERS,
-    PLACE_WORDS, RUN_WORDS, SECTION_BLOCKS, column_at, column_index,
+    BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_BLOCK, Floats, HEADER_WORDS, HeightCode, Layout,
+    MOST_OTHERS, PLACE_WORDS, RUN_WORDS, SECTION_BLOCKS, column_at, column_index,
 };
 use super::payload::{HighestOf, Payload};
+use super::surface::Surface;
 use crate::attribute::{Record, unbias};
-use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE};
+use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE, Stacking};
 use crate::source::FLAG_WITHHELD;
 use memmap2::MmapMut;
+use stacks::{Floating, Stacks};
 
 /// The best record of a further class of a column.
 #[derive(Clone, Copy)]
@@ -29,10 +35,10 @@ fn same_run(a: Record, b: Record) -> bool {
     a.class() == b.class() && (a.flags() ^ b.flags()) & FLAG_WITHHELD == 0
 }
 
-/// A section while points arrive: one best record for each column and class.
+/// A section while points arrive: one best record for each column and class, or each run of stacks.
 ///
 /// Memory follows the pages that are touched: 12 bytes a column, 5 where columns have further classes, 16 for each of
-/// those.
+/// those; of stacks 2 more a column and a run.
 pub struct Columns {
     pages: Pages,
     /// Further classes of columns; the first is empty.
@@ -49,12 +55,14 @@ pub struct Columns {
     highest: Box<[u32; 512]>,
     /// Of all points ever, so that it does not depend on which of them were kept meanwhile.
     lowest: Height,
+    /// What is kept besides, where these are stacks.
+    stacks: Option<Box<Stacks>>,
 }
 
 impl Default for Columns {
     fn default() -> Self {
         Columns {
-            pages: Pages::default(),
+            pages: Pages::new(Surface::Columns),
             others: vec![Other { record: Record::EMPTY, next: 0 }],
             points: 0,
             occupied: Blocks::default(),
@@ -63,6 +71,7 @@ impl Default for Columns {
             further_runs: 0,
             highest: Box::new([0; 512]),
             lowest: Height(i32::MAX),
+            stacks: None,
         }
     }
 }
@@ -92,15 +101,17 @@ impl Blocks {
 }
 
 /// Of each column, in block order: the highest record; behind all of them, index into `Columns::others` of its other
-/// classes, 0 where there are none; behind those, how many there are, [`MOST_OTHERS`] or more as that.
+/// classes, 0 where there are none; behind those, how many there are, [`MOST_OTHERS`] or more as that; of stacks, behind
+/// those, the lows of the highest records.
 ///
 /// Pages of the system, which gives zeros, and memory only for what is touched.
 struct Pages(MmapMut);
 
-/// Bytes of the records of all columns, of their heads behind them, and of the counts.
+/// Bytes of the records of all columns, of their heads behind them, of the counts, and of the lows.
 const RECORDS_BYTES: usize = size_of::<Record>() * SECTION_COLUMNS;
 const HEADS_BYTES: usize = size_of::<u32>() * SECTION_COLUMNS;
 const COUNTS_BYTES: usize = SECTION_COLUMNS;
+const LOWS_BYTES: usize = size_of::<u16>() * SECTION_COLUMNS;
 /// Usual size of a page. Where pages are larger, sparse sections hold more than is counted.
 const PAGE: usize = 4096;
 /// Blocks whose records fill three pages and whose heads fill one.
@@ -109,43 +120,65 @@ const _: () = assert!(STRIP_BLOCKS * BLOCK_COLUMNS * size_of::<Record>() == 3 * 
 /// Blocks whose counts fill one.
 const COUNTED_BLOCKS: usize = PAGE / BLOCK_COLUMNS;
 
-impl Default for Pages {
-    fn default() -> Pages {
-        const BYTES: usize = RECORDS_BYTES + HEADS_BYTES + COUNTS_BYTES;
-        // As where a box finds no memory.
-        let failed = |_| std::alloc::handle_alloc_error(std::alloc::Layout::new::<[u8; BYTES]>());
-        Pages(MmapMut::map_anon(BYTES).unwrap_or_else(failed))
-    }
-}
+/// Blocks whose lows fill one.
+const LOW_BLOCKS: usize = PAGE / (size_of::<u16>() * BLOCK_COLUMNS);
 
-type Planes<'a> = (&'a [Record; SECTION_COLUMNS], &'a [u32; SECTION_COLUMNS], &'a [u8; SECTION_COLUMNS]);
-type PlanesMut<'a> =
-    (&'a mut [Record; SECTION_COLUMNS], &'a mut [u32; SECTION_COLUMNS], &'a mut [u8; SECTION_COLUMNS]);
+/// Records, heads, counts; lows of stacks, of columns none.
+type Planes<'a> =
+    (&'a [Record; SECTION_COLUMNS], &'a [u32; SECTION_COLUMNS], &'a [u8; SECTION_COLUMNS], &'a [u16]);
+type PlanesMut<'a> = (
+    &'a mut [Record; SECTION_COLUMNS],
+    &'a mut [u32; SECTION_COLUMNS],
+    &'a mut [u8; SECTION_COLUMNS],
+    &'a mut [u16],
+);
 
 impl Pages {
-    /// Records, heads, counts.
+    fn new(surface: Surface) -> Pages {
+        const BYTES: usize = RECORDS_BYTES + HEADS_BYTES + COUNTS_BYTES;
+        let lows_bytes = if surface == Surface::Stacks { LOWS_BYTES } else { 0 };
+        // As where a box finds no memory.
+        let failed = |_| std::alloc::handle_alloc_error(std::alloc::Layout::new::<[u8; BYTES]>());
+        Pages(MmapMut::map_anon(BYTES + lows_bytes).unwrap_or_else(failed))
+    }
+
     #[inline]
     fn planes(&self) -> Planes<'_> {
         let (records, rest) = self.0.split_at(RECORDS_BYTES);
-        let (heads, counts) = rest.split_at(HEADS_BYTES);
-        (bytemuck::from_bytes(records), bytemuck::from_bytes(heads), bytemuck::from_bytes(counts))
+        let (heads, rest) = rest.split_at(HEADS_BYTES);
+        let (counts, lows) = rest.split_at(COUNTS_BYTES);
+        let lows = bytemuck::cast_slice(lows);
+        (bytemuck::from_bytes(records), bytemuck::from_bytes(heads), bytemuck::from_bytes(counts), lows)
     }
 
     #[inline]
     fn planes_mut(&mut self) -> PlanesMut<'_> {
         let (records, rest) = self.0.split_at_mut(RECORDS_BYTES);
-        let (heads, counts) = rest.split_at_mut(HEADS_BYTES);
-        (bytemuck::from_bytes_mut(records), bytemuck::from_bytes_mut(heads), bytemuck::from_bytes_mut(counts))
+        let (heads, rest) = rest.split_at_mut(HEADS_BYTES);
+        let (counts, lows) = rest.split_at_mut(COUNTS_BYTES);
+        (
+            bytemuck::from_bytes_mut(records),
+            bytemuck::from_bytes_mut(heads),
+            bytemuck::from_bytes_mut(counts),
+            bytemuck::cast_slice_mut(lows),
+        )
     }
 }
 
 impl Columns {
-    /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its class.
+    /// Columns of a section as `surface` has them, where stacks are by `stacking`.
+    pub fn new(surface: Surface, stacking: Stacking) -> Columns {
+        match surface {
+            Surface::Columns => Columns::default(),
+            Surface::Stacks => Columns::stacks(stacking),
+        }
+    }
+
+    /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its class (of stacks:
+    /// of its run).
     /// The result does not depend on the order of calls.
     pub fn add(&mut self, x: u32, y: u32, record: Record) {
-        self.points += 1;
-        self.lowest = self.lowest.min(of_record(&record));
-        self.insert(column_index(x, y), record);
+        self.add_all(&[column_index(x, y)], &[of_record(&record)], |_| record);
     }
 
     /// Takes in points: their columns ([`column_index`]), their heights, and the record of the point at an index.
@@ -153,24 +186,49 @@ impl Columns {
     pub fn add_all(&mut self, columns: &[u16], heights: &[Height], record: impl Fn(usize) -> Record) {
         self.points += columns.len() as u64;
         self.lowest = heights.iter().fold(self.lowest, |low, &h| low.min(h));
-        for (i, &column) in columns.iter().enumerate() {
-            self.insert(column, record(i));
+        match self.stacking() {
+            None => {
+                for (i, &column) in columns.iter().enumerate() {
+                    self.insert::<false>(column, record(i), 0);
+                }
+            }
+            Some(stacking) => {
+                for (i, &column) in columns.iter().enumerate() {
+                    let record = record(i);
+                    self.insert::<true>(column, record, stacks::low_of(stacking, record, heights[i]));
+                }
+            }
         }
     }
 
+    /// `STACKS`: whether these are stacks; then `low` is that of the record.
     #[inline]
-    fn insert(&mut self, column: u16, record: Record) {
+    fn insert<const STACKS: bool>(&mut self, column: u16, record: Record, low: u16) {
         let block = usize::from(column) / BLOCK_COLUMNS;
         if !self.occupied.has(block) {
             self.occupy(block);
         }
-        let (records, heads, counts) = self.pages.planes_mut();
-        let first = &mut records[usize::from(column)];
+        let slice_log2 =
+            if STACKS { self.stacks.as_ref().expect("these are stacks").slice_log2() } else { 0 };
+        let joins = |a: Record, b: Record| match STACKS {
+            true => stacks::same_run(slice_log2, a, b),
+            false => same_run(a, b),
+        };
+        let at = usize::from(column);
+        let (records, heads, counts, lows) = self.pages.planes_mut();
+        let first = &mut records[at];
         if first.is_empty() {
             *first = record;
+            if STACKS {
+                lows[at] = low;
+                self.stacks.as_mut().expect("these are stacks").begin(column, record);
+            }
             return see(&mut self.highest, record);
         }
-        if same_run(*first, record) {
+        if joins(*first, record) {
+            if STACKS {
+                lows[at] = lows[at].min(low);
+            }
             if record > *first {
                 *first = record;
                 see(&mut self.highest, record);
@@ -178,11 +236,18 @@ impl Columns {
             return;
         }
         // Further classes of a column hang in a chain; columns rarely hold more than three.
-        let count = &mut counts[usize::from(column)];
-        let mut at = if *count == 0 { 0 } else { heads[usize::from(column)] as usize };
-        while at != 0 {
-            let other = &mut self.others[at];
-            if same_run(other.record, record) {
+        let count = &mut counts[at];
+        let mut index = if *count == 0 { 0 } else { heads[at] as usize };
+        while index != 0 {
+            let other = &mut self.others[index];
+            if joins(other.record, record) {
+                if STACKS {
+                    let of_other = &mut self.stacks.as_mut().expect("these are stacks").lows[index];
+                    *of_other = low.min(*of_other);
+                    if record > *first {
+                        std::mem::swap(&mut lows[at], of_other);
+                    }
+                }
                 if record > other.record {
                     other.record = record;
                     if record > *first {
@@ -192,17 +257,24 @@ impl Columns {
                 }
                 return;
             }
-            at = other.next as usize;
+            index = other.next as usize;
         }
         see(&mut self.highest, record);
-        let lower = if record > *first { std::mem::replace(first, record) } else { record };
-        let next = if *count == 0 { 0 } else { heads[usize::from(column)] };
+        let is_highest = record > *first;
+        let lower = if is_highest { std::mem::replace(first, record) } else { record };
+        let next = if *count == 0 { 0 } else { heads[at] };
         if *count < MOST_OTHERS {
             *count += 1;
             self.further_runs += 1;
         }
-        heads[usize::from(column)] = self.others.len() as u32;
+        heads[at] = self.others.len() as u32;
         self.others.push(Other { record: lower, next });
+        if STACKS {
+            let lower_low = if is_highest { std::mem::replace(&mut lows[at], low) } else { low };
+            let stacks = self.stacks.as_mut().expect("these are stacks");
+            stacks.lows.push(lower_low);
+            stacks.begin(column, record);
+        }
         if !self.chained.has(block) {
             let touched = |blocks: &Blocks| {
                 u32::from(blocks.among(block, STRIP_BLOCKS) != 0)
@@ -226,8 +298,10 @@ impl Columns {
         let pages =
             |strip: u64| [0x003F, 0x07E0, 0xFC00].iter().filter(|page| strip & **page != 0).count() as u32;
         let before = pages(self.occupied.among(block, STRIP_BLOCKS));
+        let first_lows = self.stacks.is_some() && self.occupied.among(block, LOW_BLOCKS) == 0;
         self.occupied.insert(block);
-        self.touched_pages += pages(self.occupied.among(block, STRIP_BLOCKS)) - before;
+        self.touched_pages +=
+            pages(self.occupied.among(block, STRIP_BLOCKS)) - before + u32::from(first_lows);
     }
 
     /// Points taken in so far.
@@ -240,16 +314,27 @@ impl Columns {
         self.touched_pages as usize * PAGE
             + size_of_val(&*self.highest)
             + (self.others.len() - 1) * size_of::<Other>()
+            + self.stacks.as_ref().map_or(0, |stacks| stacks.bytes())
     }
 
-    /// Where each part of the packed section starts.
+    /// Where each part of the packed section starts. Of stacks this looks through all of them, to see what may float.
     pub fn layout(&self) -> Layout {
-        Layout::new(self.occupied.count(), self.further_runs, self.code())
+        self.layout_with(self.floating().map(|floating| floating.floats()))
+    }
+
+    /// The same, at once; of stacks there may float less than it says, and what is derived may take less.
+    pub fn layout_at_most(&self) -> Layout {
+        self.layout_with(self.stacks.as_ref().map(|stacks| stacks.floats_at_most()))
+    }
+
+    fn layout_with(&self, floats: Option<Floats>) -> Layout {
+        Layout::new(self.occupied.count(), self.further_runs, self.code(), floats)
     }
 
     fn code(&self) -> HeightCode {
         let highest = self.highest.iter().fold(0, |highest, &h| h.max(highest));
-        HeightCode::fit(self.lowest.0, unbias(highest).0)
+        let lowest = self.stacking().map_or(self.lowest, |stacking| stacking.lowest_bottom(self.lowest));
+        HeightCode::fit(lowest.0, unbias(highest).0)
     }
 
     /// Highest record of each (class, withheld) present.
@@ -258,14 +343,14 @@ impl Columns {
         present.map(|(key, &h)| ((key >> 1) as u8, key & 1 != 0, unbias(h))).collect()
     }
 
-    /// Calls `each` with every record, and the index of its column.
-    fn records(&self, mut each: impl FnMut(u16, Record)) {
-        let (first, heads, counts) = self.pages.planes();
+    /// Calls `each` with every record, the index of its column, and its low (of columns 0).
+    fn records(&self, mut each: impl FnMut(u16, Record, u16)) {
+        let (first, heads, counts, lows) = self.pages.planes();
         for b in (0..SECTION_BLOCKS).filter(|&b| self.occupied.has(b)) {
             for c in (b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS).filter(|&c| !first[c].is_empty()) {
-                each(c as u16, first[c]);
+                each(c as u16, first[c], lows.get(c).copied().unwrap_or(0));
                 if counts[c] > 0 {
-                    self.chain(heads[c]).for_each(|other| each(c as u16, other));
+                    self.chain_of(heads[c]).for_each(|(other, low)| each(c as u16, other, low));
                 }
             }
         }
@@ -278,24 +363,42 @@ impl Columns {
     }
 
     /// Puts this section's records into `parent`, whose cells are twice as wide; (i, j) are this section's
-    /// own indices. Equal to binning the points at the coarser size, since maximum and rounding up commute.
+    /// own indices. Equal to binning the points at the coarser size, since maximum, minimum and rounding commute.
     pub fn coarsen_into(&self, i: i32, j: i32, parent: &mut Columns) {
         let half = SECTION_SIDE / 2;
         let (x0, y0) = ((i & 1) as u32 * half, (j & 1) as u32 * half);
         parent.points += self.points;
         parent.lowest = parent.lowest.min(self.lowest);
-        self.records(|column, record| {
+        let of_parent = |column: u16| {
             let [x, y] = column_at(column);
-            parent.insert(column_index(x0 + x / 2, y0 + y / 2), record);
-        });
+            column_index(x0 + x / 2, y0 + y / 2)
+        };
+        match (self.stacking(), parent.stacking()) {
+            (None, None) => {
+                self.records(|column, record, _| parent.insert::<false>(of_parent(column), record, 0));
+            }
+            (Some(fine), Some(coarse)) => {
+                assert_eq!(coarse.slice_log2, fine.coarser_log2(), "slices are those of cells twice as wide");
+                self.records(|column, record, low| {
+                    let lowest = fine.low_height(of_record(&record), low);
+                    let low = stacks::low_of(coarse, record, lowest);
+                    parent.insert::<true>(of_parent(column), record, low);
+                });
+            }
+            _ => panic!("columns and stacks do not mix"),
+        }
     }
 
     /// Packs the section into memory of its own.
     pub fn pack(&self) -> Payload {
-        let layout = self.layout();
+        let floating = self.floating();
+        let layout = self.layout_with(floating.as_ref().map(Floating::floats));
         let mut words = vec![0; layout.words as usize];
-        let highest_of = self.pack_into(&mut words);
-        Payload { words, layout, points: self.points, highest_of }
+        match &floating {
+            None => self.pack_columns(&mut words, <[u32]>::copy_from_slice),
+            Some(floating) => self.pack_stacks(floating, &mut words, <[u32]>::copy_from_slice),
+        }
+        Payload { words, layout, points: self.points, highest_of: self.highest_of() }
     }
 
     /// Packs the section into the front of `words`, which has room for [`Layout::words`]; gives the highest record of
@@ -308,13 +411,21 @@ impl Columns {
 
     /// The same, long stretches by `copy`.
     pub fn pack_with(&self, words: &mut [u32], copy: impl Fn(&mut [u32], &[u32])) -> HighestOf {
-        let layout = self.layout();
+        match self.floating() {
+            None => self.pack_columns(words, copy),
+            Some(floating) => self.pack_stacks(&floating, words, copy),
+        }
+        self.highest_of()
+    }
+
+    fn pack_columns(&self, words: &mut [u32], copy: impl Fn(&mut [u32], &[u32])) {
+        let layout = self.layout_with(None);
         let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
         let (places, rest) = rest.split_at_mut(PLACE_WORDS * SECTION_BLOCKS);
         let (records, rest) = rest.split_at_mut(layout.blocks as usize * BLOCK_WORDS);
         let (counts, others) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
         header.copy_from_slice(&layout.header());
-        let (first, heads, of_columns) = self.pages.planes();
+        let (first, heads, of_columns, _) = self.pages.planes();
         let mut rest_of_records = records;
         let mut rest_of_counts = bytemuck::cast_slice_mut::<u32, u8>(counts);
         let mut others = others.as_chunks_mut::<RUN_WORDS>().0.iter_mut();
@@ -366,7 +477,6 @@ impl Columns {
             }
             b = end;
         }
-        self.highest_of()
     }
 
     /// The first block from `b` on that holds nothing.

@@ -1,7 +1,7 @@
 //! What a section is, word for word: what is uploaded of it, and what the device derives from that.
 
 use crate::shared::payload::{self, BLOCK_LOG2, BLOCKS_SIDE, SECTION_LOG2};
-pub(super) use crate::shared::payload::{FIRST_BLOCK, HEADER_WORDS};
+pub(super) use crate::shared::payload::{FIRST_BLOCK, FIRST_STACK_BLOCK, HEADER_WORDS, STACK_BLOCK_WORDS};
 
 /// Columns in a block.
 pub(super) const BLOCK_COLUMNS: usize = payload::BLOCK_COLUMNS as usize;
@@ -73,12 +73,30 @@ pub(super) const PLACE_WORDS: usize = payload::PLACE_WORDS as usize;
 /// Words of a run.
 pub(super) const RUN_WORDS: usize = payload::RUN_WORDS as usize;
 
+/// Words of a block's place in stacks.
+pub(super) const STACK_PLACE_WORDS: usize = payload::STACK_PLACE_WORDS as usize;
+
+/// Words of a further run of stacks.
+pub(super) const STACK_RUN_WORDS: usize = payload::STACK_RUN_WORDS as usize;
+
+/// What a section of stacks may have of spans that float, whatever is shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Floats {
+    /// Runs that may float under some mask.
+    pub spans: u32,
+    /// Half blocks, 8 columns from west to east and 4 from south to north, that hold any.
+    pub lists: u32,
+}
+
 /// Where each part of what is uploaded of a section starts, in words from its start. The table of
 /// [`crate::shared::payload`] is drawn in `docs/from-file-to-pixel.md`.
 ///
 /// The header; two words for each of the 1,024 blocks, where it starts (0: it holds nothing) and how many further runs
 /// those before it have; the blocks; their counts, in the same order; the further runs, highest first, column by column
 /// in block order.
+///
+/// Of stacks: places have four words more, of runs that may float; blocks end with the lows of their runs, and so does
+/// each further run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// How derived heights are stored.
@@ -91,27 +109,58 @@ pub struct Layout {
     pub others: u32,
     /// All words.
     pub words: u32,
+    /// Of stacks: what may float. `None`: columns.
+    pub floats: Option<Floats>,
+}
+
+/// What differs between columns and stacks; words.
+pub(super) struct Sizes {
+    pub(super) place: usize,
+    pub(super) first_block: u32,
+    pub(super) block: u32,
+    pub(super) run: usize,
+}
+
+impl Sizes {
+    const COLUMNS: Sizes =
+        Sizes { place: PLACE_WORDS, first_block: FIRST_BLOCK, block: payload::BLOCK_WORDS, run: RUN_WORDS };
+    const STACKS: Sizes = Sizes {
+        place: STACK_PLACE_WORDS,
+        first_block: FIRST_STACK_BLOCK,
+        block: STACK_BLOCK_WORDS,
+        run: STACK_RUN_WORDS,
+    };
 }
 
 impl Layout {
-    pub(super) fn new(blocks: u32, further_runs: u32, code: HeightCode) -> Layout {
-        let counts = FIRST_BLOCK + blocks * payload::BLOCK_WORDS;
+    pub(super) fn new(blocks: u32, further_runs: u32, code: HeightCode, floats: Option<Floats>) -> Layout {
+        let sizes = if floats.is_some() { Sizes::STACKS } else { Sizes::COLUMNS };
+        let counts = sizes.first_block + blocks * sizes.block;
         let others = counts + blocks * payload::COUNT_WORDS;
-        Layout { code, blocks, counts, others, words: others + payload::RUN_WORDS * further_runs }
+        let words = others + sizes.run as u32 * further_runs;
+        Layout { code, blocks, counts, others, words, floats }
+    }
+
+    pub(super) fn sizes(&self) -> Sizes {
+        if self.floats.is_some() { Sizes::STACKS } else { Sizes::COLUMNS }
     }
 
     pub(super) fn header(&self) -> [u32; HEADER_WORDS as usize] {
         let code =
             u32::from(self.code.wide) << payload::CODE_WIDE_SHIFT | SECTION_LOG2 << payload::CODE_LOG2_SHIFT;
         let mut header = [0; HEADER_WORDS as usize];
+        let kind = if self.floats.is_some() { payload::KIND_STACKS } else { payload::KIND_COLUMNS };
+        let Floats { spans, lists } = self.floats.unwrap_or_default();
         for (word, value) in [
-            (payload::HEADER_KIND, payload::KIND_COLUMNS),
+            (payload::HEADER_KIND, kind),
             (payload::HEADER_ALL, self.words),
             (payload::HEADER_CODE, code),
             (payload::HEADER_BASE, self.code.base as u32),
             (payload::HEADER_BLOCKS, self.blocks),
             (payload::HEADER_COUNTS, self.counts),
             (payload::HEADER_OTHERS, self.others),
+            (payload::HEADER_SPANS, spans),
+            (payload::HEADER_LISTS, lists),
         ] {
             header[word as usize] = value;
         }
@@ -125,7 +174,8 @@ impl Layout {
 
     /// Bytes that are derived from them.
     pub fn derived_bytes(&self) -> u64 {
-        Derived { wide: self.code.wide }.bytes()
+        let derived = Derived { wide: self.code.wide };
+        self.floats.map_or(derived.bytes(), |floats| derived.bytes_with(floats))
     }
 }
 
@@ -162,12 +212,58 @@ impl Derived {
         self.block_words() * Self::SIDE * Self::SIDE
     }
 
-    /// All bytes.
+    /// All bytes of columns.
     pub fn bytes(self) -> u64 {
         let code_bytes = if self.wide { 4 } else { 2 };
         4 * u64::from(self.upper_levels()) + u64::from(payload::UPPER_CODES) * code_bytes
     }
+
+    /// Codes of what floats, words each.
+    const fn code_words(self) -> u32 {
+        if self.wide { 2 } else { 1 }
+    }
+
+    /// Words of the list of a block of 4×4 columns in which runs may float.
+    pub const fn list_words(self) -> u32 {
+        if self.wide { payload::LIST_WORDS_WIDE } else { payload::LIST_WORDS }
+    }
+
+    /// Words of a span.
+    pub const fn span_words(self) -> u32 {
+        if self.wide { payload::SPAN_WORDS_WIDE } else { payload::SPAN_WORDS }
+    }
+
+    /// Where runs may float: first word of what floats, which is that of the places of lists; a cache line's first.
+    pub fn floats(self) -> u32 {
+        ((self.bytes() / 4) as u32).next_multiple_of(FLOATS_ALIGN)
+    }
+
+    /// First word of the nodes of what floats.
+    pub fn float_nodes(self) -> u32 {
+        self.floats() + payload::FLOAT_NODES
+    }
+
+    /// First word of the lists, two a half block.
+    pub fn lists(self) -> u32 {
+        self.float_nodes() + payload::FLOAT_NODE_COUNT * self.code_words()
+    }
+
+    /// First word of the spans.
+    pub fn spans(self, floats: Floats) -> u32 {
+        self.lists() + 2 * floats.lists * self.list_words()
+    }
+
+    /// All bytes of stacks: without runs that may float those of columns.
+    pub fn bytes_with(self, floats: Floats) -> u64 {
+        if floats.spans == 0 {
+            return self.bytes();
+        }
+        4 * (u64::from(self.spans(floats)) + u64::from(floats.spans) * u64::from(self.span_words()))
+    }
 }
+
+/// What floats starts at a multiple of so many words, a cache line.
+const FLOATS_ALIGN: u32 = 16;
 
 #[cfg(test)]
 mod tests {
@@ -194,5 +290,20 @@ mod tests {
         }
         // As far below as above.
         assert_eq!(HeightCode::fit(0, 0).base, -0x8000);
+    }
+
+    #[test]
+    fn what_floats_lies_behind_the_pyramid() {
+        let floats = Floats { spans: 1000, lists: 10 };
+        let derived = |wide| Derived { wide };
+        let starts = |d: Derived| [d.floats(), d.float_nodes(), d.lists(), d.spans(floats)];
+        assert_eq!(starts(derived(false)), [133_808, 137_904, 139_280, 139_600]);
+        assert_eq!(derived(false).bytes_with(floats), 4 * (139_600 + 2 * 1000));
+        assert_eq!(starts(derived(true)), [202_080, 206_176, 208_928, 209_568]);
+        assert_eq!(derived(true).bytes_with(floats), 4 * (209_568 + 3 * 1000));
+        for wide in [false, true] {
+            assert_eq!(derived(wide).bytes_with(Floats::default()), derived(wide).bytes());
+            assert_eq!(derived(wide).lists() % 16, 0);
+        }
     }
 }

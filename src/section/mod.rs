@@ -4,7 +4,9 @@ mod columns;
 mod layout;
 mod payload;
 pub mod slot;
+mod surface;
 
 pub use columns::Columns;
-pub use layout::{Derived, HeightCode, Layout, SECTION_BLOCKS, column_at, column_index};
+pub use layout::{Derived, Floats, HeightCode, Layout, SECTION_BLOCKS, column_at, column_index};
 pub use payload::{HighestOf, Payload, PayloadKey, PayloadKind, device_bytes};
+pub use surface::Surface;

@@ -1,7 +1,7 @@
 //! A payload: what is uploaded of a section as a whole, and what it is of that section.
 
 use super::layout::{
-    BLOCK_COLUMNS, BLOCK_WORDS, FIRST_BLOCK, HEADER_WORDS, Layout, PLACE_WORDS, SECTION_BLOCKS,
+    BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, HEADER_WORDS, Layout, RUN_WORDS, SECTION_BLOCKS,
 };
 use super::slot::slot_bytes;
 use crate::attribute::Record;
@@ -73,25 +73,42 @@ impl Payload {
     /// Calls `each` for every column that holds anything, in block order: its [`super::column_index`], and its runs, highest
     /// first.
     pub fn columns(&self, mut each: impl FnMut(u16, &[Record])) {
-        let (before, further) = self.words.split_at(self.layout.others as usize);
-        let (before, counts) = before.split_at(self.layout.counts as usize);
-        let (places, blocks) = before[HEADER_WORDS as usize..].split_at(PLACE_WORDS * SECTION_BLOCKS);
-        let further: &[Record] = bytemuck::cast_slice(further);
-        let counts: &[[u8; BLOCK_COLUMNS]] = bytemuck::cast_slice(counts);
-        let blocks: &[[Record; BLOCK_COLUMNS]] = bytemuck::cast_slice(blocks);
-        let mut runs = Vec::with_capacity(8);
-        for (b, &[at, first]) in places.as_chunks().0.iter().enumerate().filter(|(_, [at, _])| *at != 0) {
-            let n = (at - FIRST_BLOCK) as usize / BLOCK_WORDS;
-            let mut next = first as usize;
-            for (c, (highest, &count)) in blocks[n].iter().zip(&counts[n]).enumerate() {
+        self.columns_with_lows(|column, runs, _| each(column, runs));
+    }
+
+    /// The same, and of stacks the low of each run, as [`crate::coords::Stacking::low_height`] reads it; of columns none.
+    pub fn columns_with_lows(&self, mut each: impl FnMut(u16, &[Record], &[u16])) {
+        let sizes = self.layout.sizes();
+        let words = |at: usize, n: usize| &self.words[at..at + n];
+        let (mut runs, mut lows) = (Vec::with_capacity(8), Vec::with_capacity(8));
+        for b in 0..SECTION_BLOCKS {
+            let place = words(HEADER_WORDS as usize + sizes.place * b, 2);
+            let (at, mut next) = (place[0], self.layout.others as usize + sizes.run * place[1] as usize);
+            if at == 0 {
+                continue;
+            }
+            let n = ((at - sizes.first_block) / sizes.block) as usize;
+            let (highest, lows_of) = words(at as usize, sizes.block as usize).split_at(BLOCK_WORDS);
+            let (highest, lows_of): (&[Record], &[u16]) =
+                (bytemuck::cast_slice(highest), bytemuck::cast_slice(lows_of));
+            let counts = words(self.layout.counts as usize + COUNT_WORDS * n, COUNT_WORDS);
+            let counts: &[u8] = bytemuck::cast_slice(counts);
+            for (c, (highest, &count)) in highest.iter().zip(counts).enumerate() {
                 if highest.is_empty() {
                     continue;
                 }
                 runs.clear();
+                lows.clear();
                 runs.push(*highest);
-                runs.extend_from_slice(&further[next..next + usize::from(count)]);
-                next += usize::from(count);
-                each((b * BLOCK_COLUMNS + c) as u16, &runs);
+                lows.extend(lows_of.get(c));
+                let further = words(next, usize::from(count) * sizes.run);
+                for run in further.chunks_exact(sizes.run) {
+                    runs.push(Record([run[0], run[1], run[2]]));
+                    // The upper half is 0.
+                    lows.extend(run.get(RUN_WORDS).map(|low| *low as u16));
+                }
+                next += further.len();
+                each((b * BLOCK_COLUMNS + c) as u16, &runs, &lows);
             }
         }
     }

@@ -20,6 +20,7 @@ use crate::resident::table::Table;
 use crate::resident::visibility::Visibility;
 use crate::resident::visibility::why_hidden;
 use crate::sample;
+use crate::section::Surface;
 use crate::source::inputs;
 use crate::source::learned::Cache;
 use crate::source::length::Length;
@@ -44,6 +45,8 @@ const COUNT_EVERY: Duration = Duration::from_millis(100);
 /// What the user decides about reading.
 #[derive(Clone, Debug)]
 pub struct ReadOptions {
+    /// What the points of a column stand for.
+    pub surface: Surface,
     /// Side of a finest cell; `None`: chosen from the data.
     pub cell: Option<Length>,
     /// Coordinate systems and units.
@@ -751,7 +754,8 @@ impl Data {
         // Two threads are left to the frames, where there are more.
         let threads = load::threads();
         let host_bytes = self.options.host_bytes;
-        let live = Live::new(inputs, grid, core, host_bytes, threads, move || wake());
+        let surface = self.options.surface;
+        let live = Live::new(inputs, surface, grid, core, host_bytes, threads, move || wake());
         if let Some(cache) = &self.options.cache {
             live.save_learned_to(cache.clone());
         }
@@ -936,6 +940,7 @@ impl Data {
                 problems.look_at(&found);
             }
             let options = LoadOptions {
+                surface: options.surface,
                 cell: options.cell,
                 placement: PlacementOptions { known: world, ..options.placement },
                 rgb_bits: options.rgb_bits,

@@ -7,6 +7,7 @@ use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
 use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
 use crate::render::saved_view::{OptionValue, SavedView};
+use crate::section::Surface;
 use crate::source::placement::Treatment;
 use crate::text::tidy;
 use glam::DVec3;
@@ -150,6 +151,9 @@ fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     }
     if let Some(bits) = read.rgb_bits {
         options.push(("rgb-bits", OptionValue::Number(bits.into())));
+    }
+    if read.surface != Surface::default() {
+        options.push(("surface", text(read.surface.name())));
     }
     if settings.shade == Shade::None {
         options.push(("shade", text("none")));

@@ -15,7 +15,7 @@ use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::visibility::Visibility;
 use lasray::sample;
-use lasray::section::Payload;
+use lasray::section::{Payload, Surface};
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::synth::{Format, Tile, Town, write_tile};
 use std::path::{Path, PathBuf};
@@ -66,6 +66,7 @@ impl Data {
     /// Reads `paths` into cells of `cell` units (`None`: as chosen).
     pub fn load(paths: &[PathBuf], cell: Option<f64>) -> Data {
         let options = LoadOptions {
+            surface: Surface::Columns,
             cell: cell.map(Into::into),
             placement: PlacementOptions::default(),
             rgb_bits: None,

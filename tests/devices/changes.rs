@@ -13,6 +13,7 @@ use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;
+use lasray::section::Surface;
 use lasray::source::LidarFile;
 use lasray::source::learned::Cache;
 use lasray::source::placement::{Placement, PlacementOptions, Treatment};
@@ -37,6 +38,7 @@ impl Seen {
     /// Knowing what is kept there.
     pub fn with(gpu: Gpu, paths: &[PathBuf], camera: Camera, cache: Option<Cache>) -> Seen {
         let options = view::data::ReadOptions {
+            surface: Surface::Columns,
             cell: Some(0.25.into()),
             placement: PlacementOptions::default(),
             rgb_bits: None,

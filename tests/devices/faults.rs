@@ -12,7 +12,7 @@ use lasray::render::camera::{Camera, Projection};
 use lasray::resident::cut::Sight;
 use lasray::resident::live::Live;
 use lasray::resident::pool::Access;
-use lasray::section::PayloadKey;
+use lasray::section::{PayloadKey, Surface};
 use lasray::source::LidarFile;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -234,7 +234,9 @@ fn when_no_thread_reads_any_more_nobody_waits() {
         let (_, sight) = above(&world, 0.3);
         let opening = load::open(&paths, &options(), &mut Problems::default()).unwrap();
         world.live =
-            Live::new(opening.inputs, opening.grid, opening.core, 1 << 30, 2, || panic!("nobody is there"));
+            Live::new(opening.inputs, Surface::Columns, opening.grid, opening.core, 1 << 30, 2, || {
+                panic!("nobody is there")
+            });
         let start = Instant::now();
         let tick = loop {
             let tick = world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();

@@ -20,7 +20,7 @@ use lasray::resident::live::{Live, Status};
 use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::visibility::Visibility;
-use lasray::section::{Columns, PayloadKey};
+use lasray::section::{Columns, PayloadKey, Surface};
 use lasray::source::placement::{Placement, PlacementOptions};
 use std::collections::{HashMap, HashSet};
 use std::fs;
@@ -42,6 +42,7 @@ pub(super) fn tiles(folder: &Path) -> Vec<PathBuf> {
 
 pub(super) fn options() -> LoadOptions {
     LoadOptions {
+        surface: Surface::Columns,
         cell: Some(CELL.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,
@@ -112,7 +113,7 @@ impl World {
         let Opening { inputs, grid, core, about } = opening;
         let placement = inputs[0].input.placement.clone();
         World {
-            live: Live::new(inputs, grid, core, means.host_bytes, means.threads, || ()),
+            live: Live::new(inputs, Surface::Columns, grid, core, means.host_bytes, means.threads, || ()),
             scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, grid).unwrap(),
             grid,
             bounds: about.bounds,

@@ -15,7 +15,7 @@ use lasray::render::screen::{PickedPoint, Screen};
 use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::table::Table;
-use lasray::section::{Columns, PayloadKey};
+use lasray::section::{Columns, PayloadKey, Surface};
 use lasray::source::placement::PlacementOptions;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -186,6 +186,7 @@ fn a_pick_on_a_coarser_cell_says_how_large_it_is_and_whether_it_stands_in() {
         let points = scene::points(&path, &data.placement);
         let of_cells = highest(&points, 2.0 * CELL);
         let options = LoadOptions {
+            surface: Surface::Columns,
             cell: Some(CELL.into()),
             placement: PlacementOptions::default(),
             rgb_bits: None,

@@ -5,6 +5,7 @@ use lasray::ingest::bins::{Bins, Budget};
 use lasray::ingest::input::Input;
 use lasray::ingest::workers::{ReadProgress, read_all};
 use lasray::sample::{self, RgbDepth};
+use lasray::section::Surface;
 use lasray::source::placement::{Placement, PlacementOptions};
 use lasray::source::{Decoder, LayerMemory, LidarFile};
 use laz::{
@@ -91,7 +92,8 @@ fn endless_gps_time_switches_do_not_overflow_the_stack() {
 fn read(file: LidarFile) -> (u64, Vec<String>) {
     let grid = Grid { base_cell: 1.0, coarsen: 0, anchor: [0, 0], height_step: HEIGHT_STEP };
     let everywhere = [i64::MIN / 2..i64::MAX / 2, i64::MIN / 2..i64::MAX / 2];
-    let bins = Bins::new(grid, everywhere, Budget { host_bytes: 1 << 30, device_bytes: 1 << 30 });
+    let bins =
+        Bins::new(Surface::Columns, grid, everywhere, Budget { host_bytes: 1 << 30, device_bytes: 1 << 30 });
     let progress = ReadProgress::default();
     let inputs = [Input { file, placement: Placement::default(), rgb: RgbDepth::None }];
     let errors = read_all(&inputs, &bins, 2, &LayerMemory::default(), &progress);

@@ -6,6 +6,7 @@ use crate::made::{Made, Packing};
 use lasray::ingest::bins::Budget;
 use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
+use lasray::section::Surface;
 use lasray::source::known::{Known, RawBounds, Told};
 use lasray::source::lax::{self, LaxError};
 use lasray::source::learned::{Cache, Counts};
@@ -414,6 +415,7 @@ fn opening_sees_what_is_wrong() {
     let paths = [file.path().to_owned()];
     let cache = Cache::at(folder.path().join("kept"));
     let options = LoadOptions {
+        surface: Surface::Columns,
         cell: Some(0.5.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,

@@ -9,6 +9,7 @@ use crate::output::Target;
 use crate::render::benchmark_path::PathKind;
 use crate::render::frame::Shade;
 use crate::sample::Asked;
+use crate::section::Surface;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -125,6 +126,7 @@ impl Args {
     /// The options of reading.
     pub(super) fn load_options(&self) -> LoadOptions {
         LoadOptions {
+            surface: Surface::Columns,
             cell: Some(self.cell.into()),
             placement: self.placement.options(),
             rgb_bits: None,

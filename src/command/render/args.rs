@@ -12,6 +12,7 @@ use crate::render::camera::DEFAULT_FOV;
 use crate::render::frame::{Background, Shade};
 use crate::render::image::Format;
 use crate::resident::visibility::Visibility;
+use crate::section::Surface;
 use crate::source::learned::Cache;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -205,11 +206,4 @@ pub(super) enum Wait {
     Complete,
     /// As soon as there is something to see.
     None,
-}
-
-/// What the points stand for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum Surface {
-    /// Each cell is solid from its highest point down.
-    Columns,
 }

@@ -86,9 +86,10 @@ impl Filled {
         let access = Access::best(
             gpu,
             match &content {
-                Content::Whole(sections, _) => {
-                    sections.iter().map(|(_, columns)| slot_bytes(columns.layout().derived_bytes())).sum()
-                }
+                Content::Whole(sections, _) => sections
+                    .iter()
+                    .map(|(_, columns)| slot_bytes(columns.layout_at_most().derived_bytes()))
+                    .sum(),
                 // Derived parts are less than half of what sections take.
                 Content::Live(..) => pool_bytes / 2,
             },
@@ -107,7 +108,8 @@ impl Filled {
             Content::Live(inputs, core) => {
                 let points = inputs.iter().map(|input| input.input.file.points()).sum();
                 let host_bytes = args.host_memory;
-                let mut live = Live::new(inputs, grid, core, host_bytes, load::threads(), || ());
+                let mut live =
+                    Live::new(inputs, args.surface, grid, core, host_bytes, load::threads(), || ());
                 if !keeps_copies {
                     live.keep_no_copies();
                 }

@@ -76,6 +76,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         e => anyhow::Error::from(e),
     })?;
     let options = LoadOptions {
+        surface: args.surface,
         cell: args.cell.0,
         placement: args.placement.options(),
         rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
