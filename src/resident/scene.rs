@@ -416,7 +416,10 @@ impl Scene {
             section: [x, y, counts, others],
             near,
             // Gaps steeper than 45° are edges.
-            stacks: None,
+            stacks: version.layout.floats.map(|_| {
+                let stacking = self.grid.stacking(key.section.level);
+                [stacking.slice_log2, stacking.thickness as u32]
+            }),
             steepest: self.grid.cell_steps(key.section.level).clamp(1.0, STEEPEST) as u32,
             tie: if has_ties { tie_steps(&self.grid) } else { 0 },
             wide: code.wide,
@@ -546,7 +549,7 @@ impl Scene {
                 detail: key.section.level,
                 pyramid,
                 code: version.layout.code,
-                floats: false,
+                floats: version.layout.floats.is_some_and(|floats| floats.spans > 0),
                 top,
             })
         };

@@ -367,7 +367,7 @@ fn eyes_stand_above_what_is_shown() {
         "U may be +3: 3 above what is shown there",
     );
     if cfg!(feature = "view") {
-        refused(here, "view a.las --eye 510,720,+3 --target 1,2,3", "are for `lasray render` alone");
+        refused(here, "view a.las --eye 510,720,+3 --target 1,2,3", "or draw it with `lasray render`");
     }
 }
 
