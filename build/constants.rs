@@ -160,7 +160,7 @@ group! { payload:
     /// Nodes of those levels, and some for lists to be cache lines.
     FLOAT_NODE_COUNT = (codes_of_levels(3, SECTION_LOG2) + 15) & !15;
     /// Words of a block's list: its top and bottom as in nodes, then where its spans start (words from the first of these), how
-    /// many each column has, a byte each, and for each the code of the highest thing beneath its lowest gap.
+    /// many each column has, a byte each, and for each the code of its lowest point.
     LIST_WORDS = 16;
     /// The same where codes are wide.
     LIST_WORDS_WIDE = 32;
@@ -168,8 +168,8 @@ group! { payload:
     LIST_SPANS = 0;
     /// How many each column has.
     LIST_COUNTS = 1;
-    /// Gaps.
-    LIST_GAPS = 5;
+    /// Lowest points.
+    LIST_LOWEST = 5;
     /// Words of a span: its top and bottom as in nodes, and what it shows.
     SPAN_WORDS = 2;
     /// The same where codes are wide.

@@ -1,7 +1,7 @@
 // Of stacks, where something may float: each column's solid part, from its highest solid span down, and the spans that float
 // above it. What is always solid is; vegetation, wires and the like float; of what is not classified a span floats where at
-// least three of the 5 x 5 columns around have a gap below it, as where a laser sees through crowns.
-// Reads runs and gaps; writes lists, spans, what columns show, the measured bits and level 0 of the pyramid, without bridges
+// least three of the 5 x 5 columns around hold a lower point, beneath a gap, as where a laser sees through crowns.
+// Reads runs and lowest points; writes lists, spans, what columns show, the measured bits and level 0 of the pyramid, without bridges
 // levels 1 and 2. One thread a half block; y is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -16,24 +16,24 @@ layout(local_size_x = DERIVE_THREADS) in;
 layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follows
 
 const int REACH = 2;
-const uint LEAST_GAPS = 3u;
+const uint LEAST_LOWER = 3u;
 
 uint span; // where the next one goes
 uvec2 bounds; // codes of the list's highest top and lowest bottom
 
-// Whether at least three of the columns around `column` have a gap below `lowest` (code of a span's lowest point).
-bool is_over_gaps(ivec2 column, int lowest) {
-    uint gaps = 0u;
+// Whether enough of the columns around `column` hold a point more than a gap below `lowest` (code of a span's lowest point).
+bool is_over_lower(ivec2 column, int lowest) {
+    uint lower = 0u;
     for (int k = 0; k < 25; k++) {
         ivec2 near = column + ivec2(k % 5, k / 5) - REACH;
         if (any(notEqual(near & int(SECTION_SIDE - 1u), near))) continue;
         uint list = list_of(derived, block_of(uvec2(near)), IS_WIDE);
         if (list == 0u) continue;
-        uint inner = in_block(uvec2(near)), at = list + 1u + IS_WIDE + LIST_GAPS;
-        uint beneath = load_two(derived, at, inner & ~1u)[inner & 1u];
-        if (beneath != 0u && int(beneath) < lowest - int(gap)) gaps++;
+        uint inner = in_block(uvec2(near)), at = list + 1u + IS_WIDE + LIST_LOWEST;
+        uint there = load_two(derived, at, inner & ~1u)[inner & 1u];
+        if (there != 0u && int(there) < lowest - int(gap)) lower++;
     }
-    return gaps >= LEAST_GAPS;
+    return lower >= LEAST_LOWER;
 }
 
 // Biased height of the lowest point of the span that goes on from `run` downward; further runs lie from `at` to `end`.
@@ -81,7 +81,7 @@ uvec2 stack_of(uint column, ivec2 place_in_section, uint at, uint end, uint to) 
             uint class_ = class_of(run.xyz);
             bool floats = always_floats(class_);
             if (!floats && !is_always_solid(class_))
-                floats = is_over_gaps(place_in_section, int(code_of(lowest_of_span(run, at, end))));
+                floats = is_over_lower(place_in_section, int(code_of(lowest_of_span(run, at, end))));
             if (floats) {
                 add_span(run.xyz, bottom_of(run, at, end));
                 spans++;

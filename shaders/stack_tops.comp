@@ -1,8 +1,7 @@
-// Of stacks: in half blocks where nothing may float, each column's top, as tops.comp; in the others the gaps of columns, from
-// which floaters.comp tells what floats. A gap is where the points that are shown leave more than the slice's height free; of a
-// column's gaps the lowest counts.
+// Of stacks: in half blocks where nothing may float, each column's top, as tops.comp; in the others the lowest of the points that
+// are shown in each column, from which floaters.comp tells what floats.
 // Reads runs; writes what columns show, the measured bits and level 0 of the pyramid, without bridges levels 1 and 2; the places
-// of lists, and their gaps. One thread a half block; y is the job.
+// of lists, and lowest points. One thread a half block; y is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"
@@ -45,21 +44,18 @@ uint next_top(uint others, uint to) {
     return any ? code_of(height) : 0u;
 }
 
-// Code of the highest thing beneath the next column's lowest gap; 0: it has none.
-uint next_gap(uint others) {
+// Code of the next column's lowest point; 0: it has none.
+uint next_lowest(uint others) {
     uvec4 run = first_run(column++);
-    uint beneath = 0u, lowest = 0xFFFFFFFFu, end = other + STACK_RUN_WORDS * others;
+    uint lowest = 0xFFFFFFFFu, end = other + STACK_RUN_WORDS * others;
     while (run.x != 0u) {
-        if (ALL || shown(run.xyz)) {
-            if (lowest != 0xFFFFFFFFu && lowest > run.x && lowest - run.x > gap) beneath = run.x;
-            lowest = min(lowest, lowest_of(run));
-        }
+        if (ALL || shown(run.xyz)) lowest = min(lowest, lowest_of(run));
         run = uvec4(0u);
         if (other < end) run = further_run(other);
         other += STACK_RUN_WORDS;
     }
     other = end;
-    return beneath != 0u ? code_of(beneath) : 0u;
+    return lowest != 0xFFFFFFFFu ? code_of(lowest) : 0u;
 }
 
 void main() {
@@ -96,12 +92,12 @@ void main() {
                 codes.x = next_top(others & 0xFFu, to);
                 codes.y = next_top(others >> 8u & 0xFFu, to + 1u);
             } else {
-                codes.x = next_gap(others & 0xFFu);
-                codes.y = next_gap(others >> 8u & 0xFFu);
+                codes.x = next_lowest(others & 0xFFu);
+                codes.y = next_lowest(others >> 8u & 0xFFu);
             }
         }
         if (number == 0u) store_two(derived, first, inner, codes);
-        else store_two(derived, list_at(number, side) + 1u + IS_WIDE + LIST_GAPS, inner, codes);
+        else store_two(derived, list_at(number, side) + 1u + IS_WIDE + LIST_LOWEST, inner, codes);
     }
     if (number != 0u) return;
     pool_store(derived, west + measured_in_block(IS_WIDE), measured);

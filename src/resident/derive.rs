@@ -35,8 +35,8 @@ const _: () = assert!(LONGEST_BRIDGE <= HALF_BLOCK[0] && LONGEST_BRIDGE <= HALF_
 enum Plane {
     /// What was uploaded.
     Runs,
-    /// Gaps of columns.
-    Gaps,
+    /// Lists' places, and lowest points of columns.
+    Lowest,
     /// Lists of blocks, and their spans.
     Spans,
     /// What floats in nodes of levels 3 to 8.
@@ -117,7 +117,7 @@ const PASSES: [PassDeclaration; 8] = [
         by_buffer: shaders::STACK_TOPS_SSBO,
         reach: 0,
         reads: &[Plane::Runs],
-        writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels, Plane::Gaps],
+        writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels, Plane::Lowest],
         grain: Grain::HalfBlock,
         of: Of::Stacks,
     },
@@ -126,7 +126,7 @@ const PASSES: [PassDeclaration; 8] = [
         by_address: shaders::FLOATERS,
         by_buffer: shaders::FLOATERS_SSBO,
         reach: 0,
-        reads: &[Plane::Runs, Plane::Gaps],
+        reads: &[Plane::Runs, Plane::Lowest],
         writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels, Plane::Spans],
         grain: Grain::HalfBlock,
         of: Of::Stacks,
@@ -136,7 +136,7 @@ const PASSES: [PassDeclaration; 8] = [
         by_address: shaders::FLOAT_NODES,
         by_buffer: shaders::FLOAT_NODES_SSBO,
         reach: 0,
-        reads: &[Plane::Gaps, Plane::Spans],
+        reads: &[Plane::Lowest, Plane::Spans],
         writes: &[Plane::FloatNodes],
         grain: Grain::Section,
         of: Of::Stacks,
