@@ -673,7 +673,7 @@ mod tests {
         (points, 1u32..=256, [0u32..256, 0u32..256]).prop_map(move |(points, crowd, corner)| {
             let place = |v: u32, axis: usize| (corner[axis] + v % crowd) % 256;
             let flags = |flags: u8, has: bool| if has { flags } else { 0 };
-            let h = |k: i64| k * (1 << slice_log2) / 64;
+            let h = |k: i64| k * (1 << slice_log2) / 64 + k.rem_euclid(5);
             let point = |(x, y, k, class, f, has): (u32, u32, i64, u8, u8, bool)| {
                 (place(x, 0), place(y, 1), record(h(k), class, flags(f, has)))
             };
