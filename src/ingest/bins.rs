@@ -513,29 +513,35 @@ mod tests {
         binned.sections.iter().map(|(key, columns)| (*key, columns.pack().words)).collect()
     }
 
+    fn both(check: impl Fn(Surface)) {
+        [Surface::Columns, Surface::Stacks].into_iter().for_each(check);
+    }
+
     #[test]
     fn threads_and_order_change_nothing() {
-        let blocks: Vec<_> = (0..8).map(|k| scattered(5000 + k, 30_000)).collect();
-        let one = Bins::new(Surface::Columns, grid(0), EVERYWHERE, PLENTY);
-        let mut binner = Binner::default();
-        blocks.iter().for_each(|b| binner.bin(&one, &Plain, b));
-        let two = Bins::new(Surface::Columns, grid(0), EVERYWHERE, PLENTY);
-        std::thread::scope(|scope| {
-            for half in [&blocks[4..], &blocks[..4]] {
-                let two = &two;
-                scope.spawn(move || {
-                    let mut binner = Binner::default();
-                    half.iter().rev().for_each(|b| binner.bin(two, &Plain, b));
-                });
-            }
+        both(|surface| {
+            let blocks: Vec<_> = (0..8).map(|k| scattered(5000 + k, 30_000)).collect();
+            let one = Bins::new(surface, grid(0), EVERYWHERE, PLENTY);
+            let mut binner = Binner::default();
+            blocks.iter().for_each(|b| binner.bin(&one, &Plain, b));
+            let two = Bins::new(surface, grid(0), EVERYWHERE, PLENTY);
+            std::thread::scope(|scope| {
+                for half in [&blocks[4..], &blocks[..4]] {
+                    let two = &two;
+                    scope.spawn(move || {
+                        let mut binner = Binner::default();
+                        half.iter().rev().for_each(|b| binner.bin(two, &Plain, b));
+                    });
+                }
+            });
+            let (one, two) = (one.finish().unwrap(), two.finish().unwrap());
+            assert!(one.sections.len() >= 16);
+            assert_eq!(words(&one), words(&two));
+            assert_eq!(
+                one.sections.iter().map(|(_, c)| c.points()).sum::<u64>(),
+                blocks.iter().map(|b| b.len() as u64).sum::<u64>()
+            );
         });
-        let (one, two) = (one.finish().unwrap(), two.finish().unwrap());
-        assert!(one.sections.len() >= 16);
-        assert_eq!(words(&one), words(&two));
-        assert_eq!(
-            one.sections.iter().map(|(_, c)| c.points()).sum::<u64>(),
-            blocks.iter().map(|b| b.len() as u64).sum::<u64>()
-        );
     }
 
     /// Ordinary points, strays and what has no cell, in more sections than a piece has: as if each came alone.
@@ -582,23 +588,25 @@ mod tests {
 
     #[test]
     fn outgrowing_the_budget_equals_binning_coarser() {
-        let points = scattered(40_000, 60_000);
-        let all = Bins::new(Surface::Columns, grid(2), EVERYWHERE, PLENTY);
-        Binner::default().bin(&all, &Plain, &points);
-        let all = all.finish().unwrap();
-        let device_bytes: u64 = all.sections.iter().map(|(_, c)| device_bytes(&c.layout())).sum();
+        both(|surface| {
+            let points = scattered(40_000, 60_000);
+            let all = Bins::new(surface, grid(2), EVERYWHERE, PLENTY);
+            Binner::default().bin(&all, &Plain, &points);
+            let all = all.finish().unwrap();
+            let device_bytes: u64 = all.sections.iter().map(|(_, c)| device_bytes(&c.layout_at_most())).sum();
 
-        let tight =
-            Bins::new(Surface::Columns, grid(0), EVERYWHERE, Budget { device_bytes, host_bytes: u64::MAX });
-        Binner::default().bin(&tight, &Plain, &points);
-        let tight = tight.finish().unwrap();
-        assert_eq!(tight.grid.coarsen, 2);
-        assert_eq!(words(&all), words(&tight));
-        assert!(
-            Bins::new(Surface::Columns, grid(0), EVERYWHERE, Budget { device_bytes: 0, host_bytes: 0 })
-                .finish()
-                .is_some()
-        );
+            let tight =
+                Bins::new(surface, grid(0), EVERYWHERE, Budget { device_bytes, host_bytes: u64::MAX });
+            Binner::default().bin(&tight, &Plain, &points);
+            let tight = tight.finish().unwrap();
+            assert_eq!(tight.grid.coarsen, 2);
+            assert_eq!(words(&all), words(&tight));
+            assert!(
+                Bins::new(surface, grid(0), EVERYWHERE, Budget { device_bytes: 0, host_bytes: 0 })
+                    .finish()
+                    .is_some()
+            );
+        });
     }
 
     #[test]

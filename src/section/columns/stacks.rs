@@ -288,3 +288,528 @@ impl Columns {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::layout::{HeightCode, column_index};
+    use super::*;
+    use crate::attribute::Attributes;
+    use crate::section::Payload;
+    use proptest::prelude::*;
+    use std::collections::BTreeMap;
+
+    const SOLID: [u8; 6] = [2, 6, 9, 10, 11, 41];
+    const FLOATING: [u8; 11] = [3, 4, 5, 7, 13, 14, 15, 16, 17, 18, 19];
+    const CLASSES: [u8; 8] = [0, 1, 2, 5, 6, 17, 18, 64];
+
+    type Point = (u32, u32, Record);
+    /// Of each column, highest first: runs and their lows.
+    type Runs = BTreeMap<u16, Vec<(Record, u16)>>;
+
+    fn stacking(thickness: i32, slice_log2: u32) -> Stacking {
+        Stacking { thickness, slice_log2 }
+    }
+
+    fn record(h: i64, class: u8, flags: u8) -> Record {
+        let height = Height(h.clamp(i64::from(i32::MIN) + 1, i32::MAX.into()) as i32);
+        Record::pack(Attributes { height, class, intensity: 7, rgb: [1, 2, 3], returns: 0x11, flags })
+    }
+
+    fn height(record: Record) -> i64 {
+        of_record(&record).0.into()
+    }
+
+    fn key(record: Record) -> (u8, u8) {
+        (record.class(), record.flags() & 0xF)
+    }
+
+    fn stacks_of(stacking: Stacking, points: &[Point]) -> Columns {
+        let mut stacks = Columns::stacks(stacking);
+        points.iter().for_each(|&(x, y, record)| stacks.add(x, y, record));
+        stacks
+    }
+
+    /// The runs that are uploaded, as it is specified, from points.
+    fn runs_plainly(Stacking { slice_log2, .. }: Stacking, points: &[Point]) -> Runs {
+        let mut all = BTreeMap::new();
+        for &(x, y, record) in points {
+            let slice =
+                (!SOLID.contains(&record.class())).then(|| height(record).div_euclid(1 << slice_log2));
+            let at = (column_index(x, y), key(record), slice);
+            let (best, lowest) = all.entry(at).or_insert((record, height(record)));
+            *best = record.max(*best);
+            *lowest = height(record).min(*lowest);
+        }
+        let mut runs = Runs::new();
+        for ((column, _, slice), (best, lowest)) in all {
+            let low =
+                slice.map_or(0, |slice| (lowest - (slice << slice_log2)) >> slice_log2.saturating_sub(16));
+            runs.entry(column).or_default().push((best, low.try_into().unwrap()));
+        }
+        for runs in runs.values_mut() {
+            runs.sort_unstable_by(|a, b| b.cmp(a));
+            let dropped = runs.split_off(runs.len().min(255));
+            if let Some(solid) = dropped.iter().find(|(record, _)| !FLOATING.contains(&record.class())) {
+                runs[254] = *solid;
+            }
+        }
+        runs
+    }
+
+    /// Highest and lowest height of a run.
+    fn ends(Stacking { slice_log2, .. }: Stacking, (record, low): (Record, u16)) -> [i64; 2] {
+        let high = height(record);
+        let above = i64::from(low) << slice_log2.saturating_sub(16);
+        let bottom = high.div_euclid(1 << slice_log2) << slice_log2;
+        [high, if SOLID.contains(&record.class()) { high } else { bottom + above }]
+    }
+
+    /// What is known of the columns around one, itself included.
+    fn around<T>(of: &BTreeMap<u16, T>, column: u16) -> impl Iterator<Item = &T> {
+        let [x, y] = column_at(column).map(|v| v as i32);
+        let places = (-2..=2).flat_map(move |dy| (-2..=2).map(move |dx| [x + dx, y + dy]));
+        places.filter_map(|place| {
+            let inside = place.iter().all(|v| (0..256).contains(v));
+            inside.then(|| of.get(&column_index(place[0] as u32, place[1] as u32)))?
+        })
+    }
+
+    /// Runs that may float, by block and half.
+    fn may_float_plainly(stacking: Stacking, runs: &Runs) -> BTreeMap<[u16; 2], u32> {
+        let gap = |runs: &Vec<(Record, u16)>| {
+            let ends = || runs.iter().map(|&run| ends(stacking, run));
+            let (low, high) = (ends().map(|[_, low]| low).max(), ends().map(|[high, _]| high).min());
+            low.unwrap() - high.unwrap() > i64::from(stacking.gap())
+        };
+        let gaps: BTreeMap<u16, bool> = runs.iter().map(|(column, runs)| (*column, gap(runs))).collect();
+        let mut halves = BTreeMap::new();
+        for (&column, runs) in runs {
+            let is_near = around(&gaps, column).any(|gap| *gap);
+            let may = |class: u8| FLOATING.contains(&class) || is_near && !SOLID.contains(&class);
+            let n = runs.iter().filter(|(record, _)| may(record.class())).count() as u32;
+            *halves.entry([column / 64, column % 64 / 32]).or_insert(0) += n;
+        }
+        halves
+    }
+
+    /// Packing as it is specified, from points.
+    fn pack_plainly(stacking: Stacking, points: &[Point]) -> (Vec<u32>, Runs) {
+        let runs = runs_plainly(stacking, points);
+        let may_float = may_float_plainly(stacking, &runs);
+        let heights = || points.iter().map(|(_, _, record)| height(*record));
+        let low_step = 1 << stacking.slice_log2.saturating_sub(16);
+        let lowest = heights().min().unwrap_or(i32::MAX.into()).div_euclid(low_step) * low_step;
+        let bottom = (lowest - i64::from(stacking.thickness)).max(i64::from(i32::MIN) + 1);
+        let highest = heights().max().unwrap_or(i32::MIN.into());
+        let code = HeightCode::fit(bottom as i32, highest as i32);
+        let mut blocks: Vec<u16> = runs.keys().map(|column| column / 64).collect();
+        blocks.dedup();
+        let counts_at = 16 + 6 * 1024 + 224 * blocks.len();
+        let others_at = counts_at + 16 * blocks.len();
+        let mut words = vec![0; others_at];
+        for (n, &block) in blocks.iter().enumerate() {
+            let at = 16 + 6 * 1024 + 224 * n;
+            let place = 16 + 6 * usize::from(block);
+            words[place] = at as u32;
+            words[place + 1] = (words.len() - others_at) as u32 / 4;
+            for half in 0..2 {
+                let here = [block, half];
+                words[place + 2 + usize::from(half)] = may_float.range(..here).map(|(_, n)| n).sum();
+                if may_float.get(&here).is_some_and(|n| *n > 0) {
+                    let lists = may_float.range(..=here).filter(|(_, n)| **n > 0).count();
+                    words[place + 4 + usize::from(half)] = lists as u32;
+                }
+            }
+            for (column, runs) in runs.range(64 * block..=64 * block + 63) {
+                let c = usize::from(column % 64);
+                let (first, low) = runs[0];
+                words[at + 3 * c..at + 3 * c + 3].copy_from_slice(&first.0);
+                words[at + 192 + c / 2] |= u32::from(low) << (16 * (c % 2));
+                words[counts_at + 16 * n + c / 4] |= (runs.len() as u32 - 1) << (8 * (c % 4));
+                for (record, low) in &runs[1..] {
+                    words.extend(record.0);
+                    words.push((*low).into());
+                }
+            }
+        }
+        let header = [2, words.len(), 8 << 16 | usize::from(code.wide) << 8, code.base as usize];
+        let spans = may_float.values().sum::<u32>() as usize;
+        let lists = may_float.values().filter(|n| **n > 0).count();
+        let header = header.into_iter().chain([blocks.len(), counts_at, others_at, spans, lists]);
+        words.iter_mut().zip(header).for_each(|(word, value)| *word = value as u32);
+        (words, runs)
+    }
+
+    fn runs_of(packed: &Payload) -> Runs {
+        let mut read = Runs::new();
+        packed.columns_with_lows(|column, runs, lows| {
+            assert_eq!(runs.len(), lows.len());
+            let runs = runs.iter().copied().zip(lows.iter().copied()).collect();
+            assert!(read.insert(column, runs).is_none());
+        });
+        read
+    }
+
+    /// Into memory that holds rubbish, which must be gone, and no further than it should.
+    fn check_packing(stacking: Stacking, points: &[Point]) {
+        let section = stacks_of(stacking, points);
+        let (words, runs) = pack_plainly(stacking, points);
+        let packed = section.pack();
+        assert_eq!(packed.words.len(), words.len());
+        if let Some(at) = (0..words.len()).find(|&at| packed.words[at] != words[at]) {
+            panic!("word {at} is {:#x}, not {:#x}", packed.words[at], words[at]);
+        }
+        assert!(runs_of(&packed) == runs);
+        let layout = section.layout();
+        assert_eq!(packed.layout, layout);
+        assert_eq!(layout.uploaded_bytes(), 4 * words.len() as u64);
+        for rubbish in [0xDEAD_BEEF, !0] {
+            let mut ring = vec![rubbish; words.len() + 3];
+            assert_eq!(section.pack_into(&mut ring), packed.highest_of);
+            assert!(ring[..words.len()] == words);
+            assert!(ring[words.len()..] == [rubbish; 3]);
+        }
+        // Columns of the same points say the same of classes.
+        let mut columns = Columns::default();
+        points.iter().for_each(|&(x, y, record)| columns.add(x, y, record));
+        assert_eq!(columns.pack().highest_of, packed.highest_of);
+        assert_eq!(columns.points(), section.points());
+        let most = section.layout_at_most();
+        let [floats, at_most] = [layout, most].map(|layout| layout.floats.unwrap());
+        assert!(floats.spans <= at_most.spans && floats.lists <= at_most.lists);
+        assert_eq!(Columns::layout_with(&section, Some(floats)), layout);
+        assert_eq!(most.uploaded_bytes(), layout.uploaded_bytes());
+        assert!(layout.derived_bytes() <= most.derived_bytes());
+    }
+
+    #[test]
+    fn packing_is_as_specified_where_it_is_hard() {
+        let stacking = stacking(100, 7);
+        check_packing(stacking, &[]);
+        check_packing(stacking, &[(255, 255, record(i64::from(i32::MIN) + 1, 5, 0))]);
+        check_packing(stacking, &[(0, 0, record(i32::MAX.into(), 1, 0)), (0, 0, record(0, 2, 0))]);
+        let mut points = Vec::new();
+        for k in 0..300 {
+            // More runs than a count holds, those that float above, and below them one that is solid.
+            points.extend([(3, 200, record(500 * k, 5, 0)), (77, 5, record(500 * k, 5, 0))]);
+            points.push((77, 5, record(-9 * k, 2, 0)));
+            // As many as are counted, and one more and less, above one whose class does not tell.
+            for most in [253, 254, 255].into_iter().filter(|most| k < *most) {
+                points.extend([
+                    (most as u32, 250, record(500 * k, 18, 0)),
+                    (most as u32, 250, record(-900, 1, 0)),
+                ]);
+            }
+            // Nothing but what may float or not.
+            points.push((k as u32 % 7, 99, record(130 * k, 64, (k % 16) as u8)));
+        }
+        check_packing(stacking, &points);
+        let kept = runs_plainly(stacking, &points);
+        let lowest = |x, y| {
+            let runs = &kept[&column_index(x, y)];
+            (runs.len(), runs.last().unwrap().0.class())
+        };
+        assert_eq!(lowest(3, 200), (255, 5));
+        // The ground is kept.
+        assert_eq!(lowest(77, 5), (255, 2));
+        assert_eq!([253, 254, 255].map(|x| lowest(x, 250)), [(254, 1), (255, 1), (255, 1)]);
+        // Every column once.
+        let full = |k: u32| (k % 256, k / 256, record((k * 31 % 4001).into(), CLASSES[k as usize % 8], 0));
+        check_packing(stacking, &(0..1 << 16).map(full).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn what_tells_nothing_may_float_near_gaps_alone() {
+        let stacking = stacking(50, 7);
+        let floats = |points: &[Point]| stacks_of(stacking, points).layout().floats.unwrap();
+        let ground = |x, y| (x, y, record(0, 2, 0));
+        let roof = |x, y, h| (x, y, record(h, 1, 0));
+        // No farther from the ground than points of a span may be from each other.
+        assert_eq!(floats(&[ground(9, 9), roof(9, 9, 128)]), Floats { spans: 0, lists: 0 });
+        assert_eq!(floats(&[ground(9, 9), roof(9, 9, 129)]), Floats { spans: 1, lists: 1 });
+        let gap = [ground(63, 8), roof(63, 8, 500)];
+        for (x, y, may) in [
+            (65, 8, true),
+            (66, 8, false),
+            (61, 8, true),
+            (60, 8, false),
+            (63, 6, true),
+            (63, 5, false),
+            (65, 10, true),
+            (65, 11, false),
+        ] {
+            let Floats { spans, lists } = floats(&[gap[0], gap[1], roof(x, y, 0)]);
+            let is_beside = [x / 8, y / 4] != [63 / 8, 8 / 4];
+            assert_eq!([spans, lists], [1 + u32::from(may), 1 + u32::from(may && is_beside)], "{x}, {y}");
+        }
+        // Not around the section's border.
+        let border = [ground(255, 255), roof(255, 255, 500), ground(0, 100), roof(0, 100, 500)];
+        let far = [roof(0, 255, 0), roof(255, 0, 0), roof(255, 100, 0), roof(255, 99, 0), roof(0, 0, 0)];
+        assert_eq!(floats(&[&border[..], &far].concat()), Floats { spans: 2, lists: 2 });
+        // What always floats does so without gaps; what never does, never.
+        let (wire, deck) = ((1, 1, record(3, 14, 0)), (1, 200, record(-3, 17, 0)));
+        assert_eq!(floats(&[wire, deck, ground(4, 4)]), Floats { spans: 2, lists: 2 });
+    }
+
+    #[test]
+    fn bytes_are_those_of_the_pages_that_are_touched() {
+        let mut stacks = Columns::stacks(stacking(5, 4));
+        let own = stacks.bytes();
+        let mut pages = std::collections::BTreeSet::new();
+        let mut others = 0;
+        for k in 0..1500u32 {
+            let (x, y) = (k.wrapping_mul(2_654_435_761) >> 24, k.wrapping_mul(40_503) >> 3 & 0xFF);
+            stacks.add(x, y, record(5, 5, 0));
+            let block = usize::from(column_index(x, y)) / BLOCK_COLUMNS;
+            pages.extend([(0, block * 768 / 4096), (0, (block * 768 + 767) / 4096), (3, block / 32)]);
+            if k % 9 == 0 {
+                // Of another slice.
+                stacks.add(x, y, record(500, 5, 0));
+                pages.extend([(1, block / 16), (2, block / 64)]);
+                others += 1;
+            }
+            assert_eq!(stacks.bytes(), own + 4096 * pages.len() + 18 * others);
+        }
+        assert!(pages.len() > 200);
+    }
+
+    /// Spans of a column's runs of each key, from the top down: highest and lowest point.
+    fn spans_of_runs(stacking: Stacking, runs: &[(Record, u16)]) -> BTreeMap<(u8, u8), Vec<[i64; 2]>> {
+        let mut spans = BTreeMap::<_, Vec<[i64; 2]>>::new();
+        for &run in runs {
+            let [high, low] = ends(stacking, run);
+            let of_key = spans.entry(key(run.0)).or_default();
+            match of_key.last_mut() {
+                Some([_, lowest]) if *lowest - high <= stacking.gap().into() => *lowest = low,
+                _ => of_key.push([high, low]),
+            }
+        }
+        spans
+    }
+
+    /// The same of points.
+    fn spans_of_points(
+        stacking: Stacking,
+        points: &[Point],
+        column: u16,
+    ) -> BTreeMap<(u8, u8), Vec<[i64; 2]>> {
+        let mut heights = BTreeMap::<_, Vec<i64>>::new();
+        for &(_, _, record) in points.iter().filter(|(x, y, _)| column_index(*x, *y) == column) {
+            heights.entry(key(record)).or_default().push(height(record));
+        }
+        let split = |mut heights: Vec<i64>| {
+            heights.sort_unstable();
+            heights.reverse();
+            let pieces = heights.chunk_by(|upper, lower| upper - lower <= stacking.gap().into());
+            pieces.map(|piece| [piece[0], piece[piece.len() - 1]]).collect()
+        };
+        heights.into_iter().map(|(key, heights)| (key, split(heights))).collect()
+    }
+
+    /// Height of what lies beneath the lowest gap of a column.
+    fn gap_low(stacking: Stacking, runs: &[(Record, u16)]) -> Option<i64> {
+        let (mut least, mut found) = (None, None);
+        for &run in runs {
+            let [high, low] = ends(stacking, run);
+            if least.is_some_and(|least| high < least - i64::from(stacking.gap())) {
+                found = Some(high);
+            }
+            least = Some(least.map_or(low, |least: i64| least.min(low)));
+        }
+        found
+    }
+
+    /// Spans that float where what `shows` gives is shown, by block and half, and how many of these were not of a class
+    /// that always floats.
+    fn floating_plainly(
+        stacking: Stacking,
+        runs: &Runs,
+        shows: impl Fn(Record) -> bool,
+    ) -> (BTreeMap<[u16; 2], u32>, u32) {
+        let shown: Runs = runs
+            .iter()
+            .map(|(&column, runs)| (column, runs.iter().copied().filter(|(r, _)| shows(*r)).collect()))
+            .collect();
+        let gaps: BTreeMap<u16, Option<i64>> =
+            shown.iter().map(|(&column, runs)| (column, gap_low(stacking, runs))).collect();
+        let (mut halves, mut untold) = (BTreeMap::new(), 0);
+        for (&column, runs) in &shown {
+            let floats = |class: u8, low: i64| {
+                let beneath =
+                    |gap: &&Option<i64>| gap.is_some_and(|gap| gap < low - i64::from(stacking.gap()));
+                let is_over_gaps = || around(&gaps, column).filter(beneath).count() >= 3;
+                FLOATING.contains(&class) || !SOLID.contains(&class) && is_over_gaps()
+            };
+            let spans = spans_of_runs(stacking, runs);
+            let spans = spans.iter().flat_map(|(key, spans)| spans.iter().map(|span| (key.0, *span)));
+            let (floating, solid): (Vec<_>, Vec<_>) =
+                spans.partition(|(class, [_, low])| floats(*class, *low));
+            let solid = solid.into_iter().map(|(_, [top, _])| top).max();
+            let floating =
+                floating.into_iter().filter(|(_, [top, _])| solid.is_none_or(|solid| *top > solid));
+            for (class, _) in floating {
+                *halves.entry([column / 64, column % 64 / 32]).or_insert(0) += 1;
+                untold += u32::from(!FLOATING.contains(&class));
+            }
+        }
+        (halves, untold)
+    }
+
+    /// Spans that there is room for, by block and half, as places say.
+    fn room(packed: &Payload) -> BTreeMap<[u16; 2], u32> {
+        let places = packed.words[16..16 + 6 * 1024].as_chunks::<6>().0;
+        let occupied = (0..).zip(places).filter(|(_, place)| place[0] != 0);
+        let mut starts: Vec<_> =
+            occupied.flat_map(|(b, place)| [([b, 0], place[2]), ([b, 1], place[3])]).collect();
+        starts.push(([1024, 0], packed.words[7]));
+        starts.windows(2).map(|pair| (pair[0].0, pair[1].1 - pair[0].1)).collect()
+    }
+
+    /// Places, heights in 64ths of slices, and the rest of points.
+    fn points(slice_log2: u32, reach: i64) -> impl Strategy<Value = Vec<Point>> {
+        let point =
+            (0u32..256, 0u32..256, -reach..reach, prop::sample::select(&CLASSES[..]), 0u8..16, any::<bool>());
+        let points = prop::collection::vec(point, 0..1500);
+        (points, 1u32..=256, [0u32..256, 0u32..256]).prop_map(move |(points, crowd, corner)| {
+            let place = |v: u32, axis: usize| (corner[axis] + v % crowd) % 256;
+            let flags = |flags: u8, has: bool| if has { flags } else { 0 };
+            let h = |k: i64| k * (1 << slice_log2) / 64 + k.rem_euclid(5);
+            let point = |(x, y, k, class, f, has): (u32, u32, i64, u8, u8, bool)| {
+                (place(x, 0), place(y, 1), record(h(k), class, flags(f, has)))
+            };
+            points.into_iter().map(point).collect()
+        })
+    }
+
+    /// Slices, and points that suit them.
+    fn stacked() -> impl Strategy<Value = (Stacking, Vec<Point>)> {
+        let slices = prop::sample::select(vec![0, 3, 9, 16, 18, 29, 30]);
+        (slices, prop::sample::select(vec![1, 30, 5000, 1 << 30])).prop_flat_map(|(slice_log2, thickness)| {
+            (Just(stacking(thickness, slice_log2)), points(slice_log2, 1000))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn packing_is_as_specified((stacking, points) in stacked()) {
+            check_packing(stacking, &points);
+        }
+
+        #[test]
+        fn order_of_points_changes_nothing((stacking, points) in stacked(), by in any::<u64>()) {
+            let mut others = points.clone();
+            others.sort_by_key(|(x, y, r)| {
+                (u64::from(r.0[0]) ^ u64::from(*x) << 40 ^ u64::from(*y) << 50).wrapping_mul(by | 1)
+            });
+            let (one, other) = (stacks_of(stacking, &points), stacks_of(stacking, &others));
+            prop_assert_eq!(one.layout_at_most(), other.layout_at_most());
+            prop_assert_eq!(one.bytes(), other.bytes());
+            prop_assert!(one.pack().words == other.pack().words);
+        }
+
+        /// Three levels, over every way of rounding lows.
+        #[test]
+        fn coarse_from_children_equals_coarse_from_points(
+            points in prop::collection::vec(
+                (0u32..1024, 0u32..1024, any::<i32>(), prop::sample::select(&CLASSES[..]), 0u8..16), 0..1500),
+            crowd in prop::sample::select(vec![8, 64, 1024]),
+            shift in 0u32..24,
+            slice_log2 in prop::sample::select(vec![2, 9, 14, 15, 16, 20, 28, 29, 30]),
+        ) {
+            let levels: Vec<_> = (0..3).map(|level| stacking(7 << level, (slice_log2 + level).min(30))).collect();
+            let mut direct = Columns::stacks(levels[2]);
+            let mut sections = BTreeMap::<[u32; 2], Columns>::new();
+            for (x, y, h, class, flags) in points {
+                let (x, y, record) = (x % crowd, y % crowd, record((h >> shift).into(), class, flags));
+                direct.add(x / 4, y / 4, record);
+                let section = sections.entry([x / 256, y / 256]).or_insert_with(|| Columns::stacks(levels[0]));
+                section.add(x % 256, y % 256, record);
+            }
+            for stacking in &levels[1..] {
+                let mut parents = BTreeMap::<[u32; 2], Columns>::new();
+                for ([i, j], child) in sections {
+                    let parent = parents.entry([i / 2, j / 2]).or_insert_with(|| Columns::stacks(*stacking));
+                    child.coarsen_into(i as i32, j as i32, parent);
+                }
+                sections = parents;
+            }
+            let parent = sections.remove(&[0, 0]).unwrap_or_else(|| Columns::stacks(levels[2]));
+            prop_assert_eq!(parent.points(), direct.points());
+            prop_assert_eq!(parent.layout_at_most(), direct.layout_at_most());
+            prop_assert!(parent.pack().words == direct.pack().words);
+        }
+
+        /// Where lows are exact. What a span covers: its highest point down to its lowest, and the thickness further.
+        #[test]
+        fn runs_join_to_the_spans_of_the_points(
+            slice_log2 in prop::sample::select(vec![0, 2, 9, 16]),
+            thickness in 1i32..3000,
+            points in points(9, 900),
+            crowd in 1u32..6,
+        ) {
+            let stacking = stacking(thickness, slice_log2);
+            let points: Vec<_> = points.into_iter().map(|(x, y, r)| (x % crowd, y % crowd, r)).collect();
+            for (column, runs) in runs_of(&stacks_of(stacking, &points).pack()) {
+                if runs.len() == 255 {
+                    continue;
+                }
+                let mut of_points = spans_of_points(stacking, &points, column);
+                let mut of_runs = spans_of_runs(stacking, &runs);
+                // Of what never floats the highest point is all that counts.
+                of_points.retain(|(class, _), _| !SOLID.contains(class));
+                of_runs.retain(|(class, _), spans| {
+                    let is_solid = SOLID.contains(class);
+                    assert!(!is_solid || spans.len() == 1);
+                    !is_solid
+                });
+                let covered = |spans: BTreeMap<(u8, u8), Vec<[i64; 2]>>| -> Vec<_> {
+                    let of_key = |(key, spans): ((u8, u8), Vec<[i64; 2]>)| {
+                        spans.into_iter().map(move |[high, low]| (key, [high, low - i64::from(thickness)]))
+                    };
+                    spans.into_iter().flat_map(of_key).collect()
+                };
+                prop_assert_eq!(covered(of_runs), covered(of_points));
+            }
+        }
+
+        #[test]
+        fn there_is_room_for_what_floats_whatever_is_shown(
+            (stacking, points) in stacked(),
+            crowd in 1u32..30,
+            masks in prop::collection::vec(any::<[bool; 16]>(), 1..5),
+        ) {
+            let points: Vec<_> = points.into_iter().map(|(x, y, r)| (x % crowd, y % crowd, r)).collect();
+            let packed = stacks_of(stacking, &points).pack();
+            let (runs, room) = (runs_of(&packed), room(&packed));
+            prop_assert_eq!(room.values().sum::<u32>(), packed.layout.floats.unwrap().spans);
+            for mask in masks.iter().chain([&[true; 16]]) {
+                let shows = |record: Record| {
+                    let class = CLASSES.iter().position(|&class| class == record.class()).unwrap();
+                    mask[2 * class + usize::from(record.flags() & FLAG_WITHHELD != 0)]
+                };
+                for (half, floating) in floating_plainly(stacking, &runs, shows).0 {
+                    prop_assert!(floating <= room[&half], "{floating} float in {half:?}, room is for {}", room[&half]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_roof_floats_over_the_ground_and_a_wall_does_not() {
+        let stacking = stacking(50, 7);
+        let mut points = Vec::new();
+        for (x, y) in (0..12).flat_map(|x| (0..12).map(move |y| (x, y))) {
+            points.push((x, y, record(0, 2, 0)));
+            if x < 6 {
+                points.push((x, y, record(900, 1, 0)));
+            }
+            if x == 9 {
+                points.extend((0..10).map(|k| (x, y, record(100 * k, 1, 0))));
+            }
+        }
+        let packed = stacks_of(stacking, &points).pack();
+        let (_, untold) = floating_plainly(stacking, &runs_of(&packed), |_| true);
+        assert_eq!(untold, 6 * 12);
+        assert!(packed.layout.floats.unwrap().spans >= 6 * 12);
+    }
+}
