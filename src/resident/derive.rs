@@ -13,6 +13,8 @@ use crate::gpu::{
     BindingKind, Buffer, ComputePipeline, Gpu, GpuError, MemoryKind, Order, PipelineDesc, SyncPoint, shaders,
 };
 use crate::limits::LIMITS;
+#[cfg(feature = "view")]
+use crate::section::Surface;
 use crate::shared::passes::{
     DERIVE_THREADS, HALF_BLOCK_EAST, HALF_BLOCK_NORTH, ID_ALL, ID_BRIDGE, ID_WIDE, LONGEST_BRIDGE,
 };
@@ -239,7 +241,7 @@ impl Pass {
 /// Pipelines of the derived passes: those of usual sections, with or without bridges, and all others. Whoever holds them
 /// makes uploads quick.
 #[cfg(feature = "view")]
-pub fn pipeline_descs(access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
+pub fn pipeline_descs(access: Access, surface: Surface, bridge: bool) -> [Vec<PipelineDesc>; 2] {
     let all = (0..8u8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1)).flat_map(|variant| {
         let [_, all, bridge] = variant;
         let passes = Pass::ALL.into_iter().filter(move |pass| pass.is_masked() || !(all || bridge));
@@ -249,7 +251,7 @@ pub fn pipeline_descs(access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
         !wide
             && (!pass.is_masked() || bridged == bridge)
             && Pass::phases(bridge).concat().contains(&pass)
-            && pass.declared().of != Of::Stacks
+            && (surface == Surface::Stacks || pass.declared().of != Of::Stacks)
     };
     let (usual, others): (Vec<_>, Vec<_>) = all.partition(is_usual);
     [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.desc(variant, access)).collect())

@@ -4,6 +4,7 @@
 use crate::gpu::{ComputePipeline, DeviceKind, Gpu, GpuError, PipelineDesc};
 use crate::render::{frame, screen};
 use crate::resident::{self, pool::Access};
+use crate::section::Surface;
 use crossbeam_channel::{Receiver, unbounded};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -25,9 +26,14 @@ pub struct Pipelines {
 }
 
 /// What the first image needs, what takes longest first; then the rest.
-fn pipeline_descs(kind: DeviceKind, access: Access, bridge: bool) -> [Vec<PipelineDesc>; 2] {
-    let ([mut needed, more], [derived, others]) =
-        (frame::pipeline_descs(kind, access), resident::derived_pipeline_descs(access, bridge));
+fn pipeline_descs(
+    kind: DeviceKind,
+    access: Access,
+    surface: Surface,
+    bridge: bool,
+) -> [Vec<PipelineDesc>; 2] {
+    let [mut needed, more] = frame::pipeline_descs(kind, access, surface);
+    let [derived, others] = resident::derived_pipeline_descs(access, surface, bridge);
     needed.reverse();
     needed.extend(derived);
     needed.push(screen::desc());
@@ -39,10 +45,11 @@ impl Pipelines {
     pub fn make(
         gpu: &Gpu,
         access: Access,
+        surface: Surface,
         bridge: bool,
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Pipelines {
-        let [needed, more] = pipeline_descs(gpu.info().kind, access, bridge);
+        let [needed, more] = pipeline_descs(gpu.info().kind, access, surface, bridge);
         let count = needed.len();
         let all: Arc<[PipelineDesc]> = needed.into_iter().chain(more).collect();
         let (send, made) = unbounded();

@@ -104,7 +104,10 @@ impl Viewer {
             Data::open(&gpu, view.inputs.clone(), &view.hidden, view.data.clone(), move || news())?;
         data.hold_uploads(true);
         let is_bridged = view.data.visibility.bridge > 0;
-        let pipelines = Pipelines::make(&gpu, data.scene().pool().access(), is_bridged, move || made());
+        let pipelines =
+            Pipelines::make(&gpu, data.scene().pool().access(), view.data.surface, is_bridged, move || {
+                made()
+            });
         window.request_redraw();
         Ok(Viewer {
             canvas: Canvas::new(gpu.info().kind == DeviceKind::Cpu),

@@ -8,6 +8,8 @@ use crate::attribute::ColorMode;
 use crate::gpu::DeviceKind;
 use crate::gpu::{BindingKind, ComputePipeline, Gpu, GpuError, PipelineDesc, shaders};
 use crate::resident::pool::Access;
+#[cfg(feature = "view")]
+use crate::section::Surface;
 use crate::shared::passes::{
     ID_BEAMED, ID_BEFORE, ID_DEALT, ID_GROUP_X, ID_GROUP_Y, ID_RAMPED, ID_SCREEN, ID_SIDE, TILE, WIDE_TILE,
 };
@@ -289,9 +291,11 @@ impl FramePipelines {
 /// Pipelines of a window's images: those of lit ones, and those of others. Whoever holds them makes [`super::Renderer::new`]
 /// and images quick.
 #[cfg(feature = "view")]
-pub fn pipeline_descs(kind: DeviceKind, access: Access) -> [Vec<PipelineDesc>; 2] {
+pub fn pipeline_descs(kind: DeviceKind, access: Access, surface: Surface) -> [Vec<PipelineDesc>; 2] {
     let options = PassOptions::of(kind);
-    let exact =
-        [true, false].map(|ramped| Exact { ramped, screen: false, floats: false }.desc(access, options));
-    [passes(access, options).into(), exact.into()]
+    let floats = surface == Surface::Stacks;
+    let exact = [true, false].map(|ramped| Exact { ramped, screen: false, floats }.desc(access, options));
+    // What nothing floats in is drawn without looking for it, the sparse sample, too.
+    let floating = floats.then(|| floating(access, options)).into_iter().flatten();
+    [passes(access, options).into_iter().chain(floating).collect(), exact.into()]
 }

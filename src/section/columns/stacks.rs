@@ -7,12 +7,12 @@
 
 use super::super::layout::{
     BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_STACK_BLOCK, Floats, HEADER_WORDS, MOST_OTHERS,
-    SECTION_BLOCKS, STACK_BLOCK_WORDS, STACK_PLACE_WORDS, STACK_RUN_WORDS, column_at,
+    SECTION_BLOCKS, STACK_BLOCK_WORDS, STACK_PLACE_WORDS, STACK_RUN_WORDS, column_at, column_index,
 };
 use super::super::surface::Surface;
 use super::{Blocks, Columns, Pages, of_record};
 use crate::attribute::{Record, always_floats, is_always_solid};
-use crate::coords::{Height, SECTION_SIDE, Stacking};
+use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE, Stacking};
 use crate::shared::passes::{HALF_BLOCK_EAST, HALF_BLOCK_NORTH};
 use crate::source::{FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD};
 
@@ -22,7 +22,7 @@ const KEY_FLAGS: u8 = FLAG_SYNTHETIC | FLAG_KEY_POINT | FLAG_WITHHELD | FLAG_OVE
 /// Columns of a half block, the southern or northern rows of a block.
 const HALF_COLUMNS: usize = (HALF_BLOCK_EAST * HALF_BLOCK_NORTH) as usize;
 
-/// Columns around one, each way, whose gaps let it float where its class does not tell.
+/// Columns around one, each way, whose lower points let it float where its class does not tell.
 const REACH: usize = 2;
 
 /// What stacks have besides columns.
@@ -72,7 +72,9 @@ impl Stacks {
 
     /// As much as any of its runs may be; more with every run, whatever came first.
     pub(super) fn floats_at_most(&self) -> Floats {
-        Floats { spans: self.loose, lists: self.halves.iter().map(Blocks::count).sum() }
+        // Lists are in halves beside those, too.
+        let halves: u32 = self.halves.iter().map(Blocks::count).sum();
+        Floats { spans: self.loose, lists: (halves * 9).min(2 * SECTION_BLOCKS as u32) }
     }
 }
 
@@ -85,79 +87,76 @@ fn half_of(column: u16) -> usize {
 pub(super) struct Floating {
     /// How many, of the halves of each block.
     runs: Vec<[u32; 2]>,
+    /// Halves that have lists: they hold any, or what is around such.
+    lists: [[bool; 2]; SECTION_BLOCKS],
 }
 
 impl Floating {
     pub(super) fn floats(&self) -> Floats {
-        let halves = || self.runs.as_flattened().iter();
-        Floats { spans: halves().sum(), lists: halves().filter(|runs| **runs > 0).count() as u32 }
+        let lists = self.lists.as_flattened().iter().filter(|is_listed| **is_listed).count() as u32;
+        Floats { spans: self.runs.as_flattened().iter().sum(), lists }
     }
 }
 
-/// A bit a column, row by row.
-#[derive(Clone)]
-struct Marks(Vec<[u64; 4]>);
+/// The lowest height of each column, row by row; none: `i32::MAX`.
+struct Lowest(Vec<i32>);
 
-impl Marks {
-    fn none() -> Marks {
-        Marks(vec![[0; 4]; SECTION_SIDE as usize])
+impl Lowest {
+    fn none() -> Lowest {
+        Lowest(vec![i32::MAX; SECTION_COLUMNS])
     }
 
-    fn insert(&mut self, column: u16) {
+    fn set(&mut self, column: u16, lowest: i32) {
         let [x, y] = column_at(column);
-        self.0[y as usize][x as usize / 64] |= 1 << (x % 64);
+        self.0[(y * SECTION_SIDE + x) as usize] = lowest;
     }
 
-    fn has(&self, column: u16) -> bool {
+    /// That of all columns within [`REACH`], of each column.
+    fn around(&self) -> Lowest {
+        const SIDE: usize = SECTION_SIDE as usize;
+        let near = |at: usize| at.saturating_sub(REACH)..SIDE.min(at + REACH + 1);
+        let least = |some: &[i32]| some.iter().fold(i32::MAX, |least, v| least.min(*v));
+        let along: Vec<i32> =
+            self.0.chunks_exact(SIDE).flat_map(|row| (0..SIDE).map(move |x| least(&row[near(x)]))).collect();
+        let mut around = vec![i32::MAX; SECTION_COLUMNS];
+        for (y, row) in around.chunks_exact_mut(SIDE).enumerate() {
+            for of in near(y) {
+                let other = &along[of * SIDE..(of + 1) * SIDE];
+                row.iter_mut().zip(other).for_each(|(least, v)| *least = (*v).min(*least));
+            }
+        }
+        Lowest(around)
+    }
+
+    fn at(&self, column: u16) -> i32 {
         let [x, y] = column_at(column);
-        self.0[y as usize][x as usize / 64] >> (x % 64) & 1 != 0
+        self.0[(y * SECTION_SIDE + x) as usize]
     }
-
-    /// And all within [`REACH`] of any.
-    fn spread(&self) -> Marks {
-        let along: Vec<[u64; 4]> = self.0.iter().map(|row| spread_along(*row)).collect();
-        let rows = (0..along.len()).map(|y| {
-            let around = &along[y.saturating_sub(REACH)..along.len().min(y + REACH + 1)];
-            around.iter().fold([0; 4], |all, row| std::array::from_fn(|k| all[k] | row[k]))
-        });
-        Marks(rows.collect())
-    }
-}
-
-fn spread_along(row: [u64; 4]) -> [u64; 4] {
-    let word = |k: usize| row.get(k).copied().unwrap_or(0);
-    std::array::from_fn(|k| {
-        let (west, here, east) = (word(k.wrapping_sub(1)), word(k), word(k + 1));
-        (1..=REACH).fold(here, |all, n| all | here << n | here >> n | west >> (64 - n) | east << (64 - n))
-    })
 }
 
 /// What a column's runs say of spans that float.
 struct Seen {
-    /// Highest of the runs' lowest heights, and lowest of their highest.
-    low: i32,
-    high: i32,
-    /// Runs that always float, and those of which what is around tells.
+    /// Its lowest height.
+    lowest: i32,
+    /// Runs that always float, and those of which what is around tells; the highest of their lowest heights.
     floating: u32,
     unclassified: u32,
+    low: i32,
 }
 
 impl Seen {
-    const NOTHING: Seen = Seen { low: i32::MIN, high: i32::MAX, floating: 0, unclassified: 0 };
+    const NOTHING: Seen = Seen { lowest: i32::MAX, floating: 0, unclassified: 0, low: i32::MIN };
 
     fn see(&mut self, stacking: Stacking, (record, low): (Record, u16)) {
         let (class, high) = (record.class(), of_record(&record));
         let is_solid = is_always_solid(class);
         let low = if is_solid { high } else { stacking.low_height(high, low) };
-        self.low = self.low.max(low.0);
-        self.high = self.high.min(high.0);
+        self.lowest = self.lowest.min(low.0);
         self.floating += u32::from(always_floats(class));
-        self.unclassified += u32::from(!is_solid && !always_floats(class));
-    }
-
-    /// Under some mask there may be a gap: without it there is none under any.
-    fn may_gape(&self, stacking: Stacking) -> bool {
-        i64::from(self.low) - i64::from(self.high) > i64::from(stacking.gap())
+        if !is_solid && !always_floats(class) {
+            self.unclassified += 1;
+            self.low = self.low.max(low.0);
+        }
     }
 }
 
@@ -202,7 +201,7 @@ impl Columns {
         let stacking = self.stacking()?;
         let (first, heads, counts, lows) = self.pages.planes();
         let mut runs = vec![[0; 2]; SECTION_BLOCKS];
-        let mut gaps = Marks::none();
+        let mut lowest = Lowest::none();
         let mut unclassified = Vec::new();
         let mut kept = Vec::new();
         for b in (0..SECTION_BLOCKS).filter(|&b| self.occupied.has(b)) {
@@ -219,19 +218,36 @@ impl Columns {
                 }
                 let column = c as u16;
                 runs[b][half_of(column)] += seen.floating;
-                if seen.may_gape(stacking) {
-                    gaps.insert(column);
-                }
+                lowest.set(column, seen.lowest);
                 if seen.unclassified > 0 {
-                    unclassified.push((column, seen.unclassified));
+                    unclassified.push((column, seen));
                 }
             }
         }
-        let near = gaps.spread();
-        for (column, n) in unclassified.into_iter().filter(|(column, _)| near.has(*column)) {
-            runs[usize::from(column) / BLOCK_COLUMNS][half_of(column)] += n;
+        // Where nothing around is lower by a gap, nothing floats under any mask.
+        let gap = i64::from(stacking.gap());
+        let around = if unclassified.is_empty() { Lowest::none() } else { lowest.around() };
+        let is_over_lower =
+            |column: u16, seen: &Seen| i64::from(seen.low) - i64::from(around.at(column)) > gap;
+        let mut near = [[false; 2]; SECTION_BLOCKS];
+        for (column, seen) in unclassified.into_iter().filter(|(column, seen)| is_over_lower(*column, seen)) {
+            runs[usize::from(column) / BLOCK_COLUMNS][half_of(column)] += seen.unclassified;
+            // What is around tells it by its lowest points, which lists have.
+            let [x, y] = column_at(column).map(|at| at as usize);
+            let around = |at: usize| [at.saturating_sub(REACH), (at + REACH).min(SECTION_SIDE as usize - 1)];
+            for [x, y] in around(x).into_iter().flat_map(|x| around(y).map(|y| [x as u32, y as u32])) {
+                let column = column_index(x, y);
+                near[usize::from(column) / BLOCK_COLUMNS][half_of(column)] = true;
+            }
         }
-        Some(Floating { runs })
+        let mut lists = near;
+        lists.iter_mut().flatten().zip(runs.as_flattened()).for_each(|(is_listed, n)| *is_listed |= *n > 0);
+        lists
+            .iter_mut()
+            .enumerate()
+            .filter(|(b, _)| !self.occupied.has(*b))
+            .for_each(|(_, of)| *of = [false; 2]);
+        Some(Floating { runs, lists })
     }
 
     /// As [`Columns::pack_with`], of what may float.
@@ -261,9 +277,9 @@ impl Columns {
                 continue;
             }
             let [south, north] = floating.runs[b];
-            let [of_south, of_north] = [south, north].map(|runs| {
-                lists += u32::from(runs > 0);
-                if runs > 0 { lists } else { 0 }
+            let [of_south, of_north] = floating.lists[b].map(|is_listed| {
+                lists += u32::from(is_listed);
+                if is_listed { lists } else { 0 }
             });
             *place = [at, written, spans, spans + south, of_south, of_north];
             at += STACK_BLOCK_WORDS;
@@ -374,21 +390,34 @@ mod tests {
         })
     }
 
-    /// Runs that may float, by block and half.
-    fn may_float_plainly(stacking: Stacking, runs: &Runs) -> BTreeMap<[u16; 2], u32> {
-        let gap = |runs: &Vec<(Record, u16)>| {
-            let ends = || runs.iter().map(|&run| ends(stacking, run));
-            let (low, high) = (ends().map(|[_, low]| low).max(), ends().map(|[high, _]| high).min());
-            low.unwrap() - high.unwrap() > i64::from(stacking.gap())
-        };
-        let gaps: BTreeMap<u16, bool> = runs.iter().map(|(column, runs)| (*column, gap(runs))).collect();
-        let mut halves = BTreeMap::new();
+    /// Runs that may float, and whether there is a list, by block and half.
+    fn may_float_plainly(stacking: Stacking, runs: &Runs) -> BTreeMap<[u16; 2], (u32, bool)> {
+        let low = |run: &(Record, u16)| ends(stacking, *run)[1];
+        let lowest: BTreeMap<u16, i64> =
+            runs.iter().map(|(column, runs)| (*column, runs.iter().map(low).min().unwrap())).collect();
+        let half = |column: u16| [column / 64, column % 64 / 32];
+        let mut halves: BTreeMap<_, (u32, bool)> = BTreeMap::new();
         for (&column, runs) in runs {
-            let is_near = around(&gaps, column).any(|gap| *gap);
-            let may = |class: u8| FLOATING.contains(&class) || is_near && !SOLID.contains(&class);
+            let tells_nothing = |(record, _): &&(Record, u16)| {
+                !FLOATING.contains(&record.class()) && !SOLID.contains(&record.class())
+            };
+            let least = around(&lowest, column).min().unwrap();
+            let highest = runs.iter().filter(tells_nothing).map(low).max();
+            let is_over = highest.is_some_and(|low| low - least > i64::from(stacking.gap()));
+            let may = |class: u8| FLOATING.contains(&class) || is_over && !SOLID.contains(&class);
             let n = runs.iter().filter(|(record, _)| may(record.class())).count() as u32;
-            *halves.entry([column / 64, column % 64 / 32]).or_insert(0) += n;
+            let of = halves.entry(half(column)).or_default();
+            *of = (of.0 + n, of.1 || n > 0);
+            if is_over {
+                let [x, y] = column_at(column).map(|v| v as i32);
+                for (dx, dy) in (-2..=2).flat_map(|dx| (-2..=2).map(move |dy| (dx, dy))) {
+                    let [x, y] = [x + dx, y + dy].map(|v| v.clamp(0, 255) as u32);
+                    halves.entry(half(column_index(x, y))).or_default().1 = true;
+                }
+            }
         }
+        // What holds nothing has none.
+        halves.retain(|[block, _], _| runs.range(64 * block..=64 * block + 63).next().is_some());
         halves
     }
 
@@ -414,9 +443,9 @@ mod tests {
             words[place + 1] = (words.len() - others_at) as u32 / 4;
             for half in 0..2 {
                 let here = [block, half];
-                words[place + 2 + usize::from(half)] = may_float.range(..here).map(|(_, n)| n).sum();
-                if may_float.get(&here).is_some_and(|n| *n > 0) {
-                    let lists = may_float.range(..=here).filter(|(_, n)| **n > 0).count();
+                words[place + 2 + usize::from(half)] = may_float.range(..here).map(|(_, (n, _))| n).sum();
+                if may_float.get(&here).is_some_and(|(_, is_listed)| *is_listed) {
+                    let lists = may_float.range(..=here).filter(|(_, (_, is_listed))| *is_listed).count();
                     words[place + 4 + usize::from(half)] = lists as u32;
                 }
             }
@@ -433,8 +462,8 @@ mod tests {
             }
         }
         let header = [2, words.len(), 8 << 16 | usize::from(code.wide) << 8, code.base as usize];
-        let spans = may_float.values().sum::<u32>() as usize;
-        let lists = may_float.values().filter(|n| **n > 0).count();
+        let spans = may_float.values().map(|(n, _)| n).sum::<u32>() as usize;
+        let lists = may_float.values().filter(|(_, is_listed)| *is_listed).count();
         let header = header.into_iter().chain([blocks.len(), counts_at, others_at, spans, lists]);
         words.iter_mut().zip(header).for_each(|(word, value)| *word = value as u32);
         (words, runs)
@@ -519,7 +548,7 @@ mod tests {
     }
 
     #[test]
-    fn what_tells_nothing_may_float_near_gaps_alone() {
+    fn what_tells_nothing_may_float_over_lower_points_alone() {
         let stacking = stacking(50, 7);
         let floats = |points: &[Point]| stacks_of(stacking, points).layout().floats.unwrap();
         let ground = |x, y| (x, y, record(0, 2, 0));
@@ -538,13 +567,12 @@ mod tests {
             (65, 10, true),
             (65, 11, false),
         ] {
-            let Floats { spans, lists } = floats(&[gap[0], gap[1], roof(x, y, 0)]);
-            let is_beside = [x / 8, y / 4] != [63 / 8, 8 / 4];
-            assert_eq!([spans, lists], [1 + u32::from(may), 1 + u32::from(may && is_beside)], "{x}, {y}");
+            let spans = floats(&[gap[0], gap[1], roof(x, y, 500)]).spans;
+            assert_eq!(spans, 1 + u32::from(may), "{x}, {y}");
         }
         // Not around the section's border.
         let border = [ground(255, 255), roof(255, 255, 500), ground(0, 100), roof(0, 100, 500)];
-        let far = [roof(0, 255, 0), roof(255, 0, 0), roof(255, 100, 0), roof(255, 99, 0), roof(0, 0, 0)];
+        let far = [(0, 255), (255, 0), (255, 100), (255, 99), (0, 0)].map(|(x, y)| roof(x, y, 500));
         assert_eq!(floats(&[&border[..], &far].concat()), Floats { spans: 2, lists: 2 });
         // What always floats does so without gaps; what never does, never.
         let (wire, deck) = ((1, 1, record(3, 14, 0)), (1, 200, record(-3, 17, 0)));
@@ -606,19 +634,6 @@ mod tests {
         heights.into_iter().map(|(key, heights)| (key, split(heights))).collect()
     }
 
-    /// Height of what lies beneath the lowest gap of a column.
-    fn gap_low(stacking: Stacking, runs: &[(Record, u16)]) -> Option<i64> {
-        let (mut least, mut found) = (None, None);
-        for &run in runs {
-            let [high, low] = ends(stacking, run);
-            if least.is_some_and(|least| high < least - i64::from(stacking.gap())) {
-                found = Some(high);
-            }
-            least = Some(least.map_or(low, |least: i64| least.min(low)));
-        }
-        found
-    }
-
     /// Spans that float where what `shows` gives is shown, by block and half, and how many of these were not of a class
     /// that always floats.
     fn floating_plainly(
@@ -630,15 +645,17 @@ mod tests {
             .iter()
             .map(|(&column, runs)| (column, runs.iter().copied().filter(|(r, _)| shows(*r)).collect()))
             .collect();
-        let gaps: BTreeMap<u16, Option<i64>> =
-            shown.iter().map(|(&column, runs)| (column, gap_low(stacking, runs))).collect();
+        let lowest = |runs: &[(Record, u16)]| runs.iter().map(|&run| ends(stacking, run)[1]).min();
+        let lowest: BTreeMap<u16, Option<i64>> =
+            shown.iter().map(|(&column, runs)| (column, lowest(runs))).collect();
         let (mut halves, mut untold) = (BTreeMap::new(), 0);
         for (&column, runs) in &shown {
             let floats = |class: u8, low: i64| {
-                let beneath =
-                    |gap: &&Option<i64>| gap.is_some_and(|gap| gap < low - i64::from(stacking.gap()));
-                let is_over_gaps = || around(&gaps, column).filter(beneath).count() >= 3;
-                FLOATING.contains(&class) || !SOLID.contains(&class) && is_over_gaps()
+                let beneath = |lowest: &&Option<i64>| {
+                    lowest.is_some_and(|lowest| lowest < low - i64::from(stacking.gap()))
+                };
+                let is_over_lower = || around(&lowest, column).filter(beneath).count() >= 3;
+                FLOATING.contains(&class) || !SOLID.contains(&class) && is_over_lower()
             };
             let spans = spans_of_runs(stacking, runs);
             let spans = spans.iter().flat_map(|(key, spans)| spans.iter().map(|span| (key.0, *span)));
