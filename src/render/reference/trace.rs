@@ -137,7 +137,8 @@ impl ColumnMap {
             let in_closed = (0..2).all(|a| enter[a] < t_in || d[a] >= 0.0);
             let out_closed = (0..2).all(|a| leave[a] > t_out || d[a] < 0.0);
             if t_in < t_out || (t_in == t_out && in_closed && out_closed) {
-                let side = if t_in > enter[0] && t_in > enter[1] {
+                // On a border as well, if that belongs to the cell.
+                let side = if t_in == 0.0 && in_closed {
                     Face::Inside
                 } else if enter[0] >= enter[1] {
                     if d.x > 0.0 { Face::West } else { Face::East }
