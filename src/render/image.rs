@@ -69,6 +69,8 @@ pub struct Image {
     pub steps: u64,
     /// How the thing hit came to be (measured, bridged, …); 0 on a miss.
     pub origin: Vec<u32>,
+    /// What of it was hit (`shared::passes::FACE_…`); 0 on a miss. Goes into no file.
+    pub face: Vec<u8>,
 }
 
 /// Key and value of a text that goes into the file, e.g. the camera as typed. Keys: 1 to 79 ASCII letters.
@@ -100,6 +102,7 @@ impl Image {
             class: vec![MISS_CLASS; pixels],
             steps: 0,
             origin: vec![0; pixels],
+            face: vec![0; pixels],
         }
     }
 

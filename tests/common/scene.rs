@@ -65,6 +65,15 @@ pub struct Data {
 impl Data {
     /// Reads `paths` into cells of `cell` units (`None`: as chosen).
     pub fn load(paths: &[PathBuf], cell: Option<f64>) -> Data {
+        Data::load_with(paths, cell, |options| options)
+    }
+
+    /// The same with other options.
+    pub fn load_with(
+        paths: &[PathBuf],
+        cell: Option<f64>,
+        change: impl FnOnce(LoadOptions) -> LoadOptions,
+    ) -> Data {
         let options = LoadOptions {
             surface: Surface::Columns,
             cell: cell.map(Into::into),
@@ -76,7 +85,7 @@ impl Data {
             quiet: true,
         };
         let mut problems = Problems::default();
-        let loaded = load::paths(paths, &options, &mut problems).unwrap();
+        let loaded = load::paths(paths, &change(options), &mut problems).unwrap();
         assert!(!problems.failed, "{problems:?}");
         let Loaded { grid, sections, about, .. } = loaded;
         let About { bounds, outline, summary, color, .. } = about;
@@ -180,7 +189,10 @@ pub fn points(path: &Path, placement: &Placement) -> Vec<Point> {
             intensity: p.intensity,
             rgb: p.color.map_or([0; 3], |c| [c.red, c.green, c.blue].map(|v| (v >> 8) as u8)),
             returns: p.return_number | p.number_of_returns << 4,
-            flags: u8::from(p.is_withheld) << 2,
+            flags: u8::from(p.is_synthetic)
+                | u8::from(p.is_key_point) << 1
+                | u8::from(p.is_withheld) << 2
+                | u8::from(p.is_overlap && !legacy) << 3,
         });
     }
     points

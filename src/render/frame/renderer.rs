@@ -18,7 +18,9 @@ use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
 use crate::resident::table::Table;
 use crate::resident::visibility::ColumnData;
-use crate::shared::passes::{BITS_CLASS_MASK, BITS_MISS, BITS_ORIGIN_MASK, BITS_ORIGIN_SHIFT};
+use crate::shared::passes::{
+    BITS_CLASS_MASK, BITS_FACE_MASK, BITS_FACE_SHIFT, BITS_MISS, BITS_ORIGIN_MASK, BITS_ORIGIN_SHIFT,
+};
 use bytemuck::Zeroable;
 #[cfg(feature = "view")]
 use glam::DVec3;
@@ -386,6 +388,7 @@ impl Renderer {
             image.distance[at] = distance as f32;
             image.origin[at] = hit.bits >> BITS_ORIGIN_SHIFT & BITS_ORIGIN_MASK;
             image.hit_height[at] = height as f32;
+            image.face[at] = (hit.bits >> BITS_FACE_SHIFT & BITS_FACE_MASK) as u8;
         }
     }
 }

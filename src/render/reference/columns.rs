@@ -29,6 +29,32 @@ pub struct Point {
     pub flags: u8,
 }
 
+impl Point {
+    /// Its cell, and what a column would keep of it; `None` if `mask` hides it, or no cell or height can hold it.
+    pub(super) fn binned(
+        &self,
+        [cell_size, height_step]: [f64; 2],
+        mask: &ClassMask,
+        show_withheld: bool,
+    ) -> Option<([i64; 2], Column)> {
+        let steps = (self.u / height_step).ceil();
+        let cell = [(self.e / cell_size).floor(), (self.n / cell_size).floor()];
+        let on_grid = cell.iter().all(|v| v.abs() < 9e15) && steps.abs() < 2_147_483_648.0;
+        if !on_grid || !mask.shows(self.class) || (self.flags & WITHHELD != 0 && !show_withheld) {
+            return None;
+        }
+        let column = Column {
+            height_steps: steps as i64,
+            class: self.class,
+            intensity: self.intensity,
+            rgb: self.rgb,
+            returns: self.returns,
+            flags: self.flags,
+        };
+        Some((cell.map(|v| v as i64), column))
+    }
+}
+
 /// The point that won a cell. Field by field, the larger wins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Column {
@@ -81,21 +107,10 @@ impl ColumnMap {
     ) -> ColumnMap {
         let mut cells: HashMap<[i64; 2], Column> = HashMap::new();
         for p in points {
-            let steps = (p.u / height_step).ceil();
-            let cell = [(p.e / cell_size).floor(), (p.n / cell_size).floor()];
-            let on_grid = cell.iter().all(|v| v.abs() < 9e15) && steps.abs() < 2_147_483_648.0;
-            if !on_grid || !mask.shows(p.class) || (p.flags & WITHHELD != 0 && !show_withheld) {
+            let Some((cell, column)) = p.binned([cell_size, height_step], mask, show_withheld) else {
                 continue;
-            }
-            let column = Column {
-                height_steps: steps as i64,
-                class: p.class,
-                intensity: p.intensity,
-                rgb: p.rgb,
-                returns: p.returns,
-                flags: p.flags,
             };
-            cells.entry(cell.map(|v| v as i64)).and_modify(|c| *c = column.max(*c)).or_insert(column);
+            cells.entry(cell).and_modify(|c| *c = column.max(*c)).or_insert(column);
         }
         ColumnMap::from_cells(cells, [cell_size, height_step])
     }
@@ -147,7 +162,12 @@ impl ColumnMap {
     }
 
     /// The column of a cell.
-    pub fn column(&self, [i, j]: [i64; 2]) -> Option<&Column> {
+    pub fn column(&self, cell: [i64; 2]) -> Option<&Column> {
+        self.columns.get(self.place(cell)?)
+    }
+
+    /// Which of the columns, in the order that they came in, is that of a cell; one too high for a cell without any.
+    pub(super) fn place(&self, [i, j]: [i64; 2]) -> Option<usize> {
         let inside =
             (self.first[0]..=self.last[0]).contains(&i) && (self.first[1]..=self.last[1]).contains(&j);
         let place = match &self.index {
@@ -158,7 +178,7 @@ impl ColumnMap {
             }
             Index::Sparse(map) => *map.get(&[i, j])?,
         };
-        self.columns.get(place as usize)
+        Some(place as usize)
     }
 
     /// All columns and their cells, in no order.

@@ -16,13 +16,13 @@ pub struct Tolerance {
 
 impl Tolerance {
     /// Distance that the rendering may be off by at `hit`: c/1000 over the ray's horizontal share, plus
-    /// a stored height step over its vertical one, plus 2 ulp. A top met by a ray within c/1000 of a
-    /// plumb line is owed no horizontal part: there it would excuse everything.
+    /// a stored height step over its vertical one, plus 2 ulp. A top or bottom met by a ray within
+    /// c/1000 of a plumb line is owed no horizontal part: there it would excuse everything.
     pub fn at(&self, hit: &Hit, basis: &RayBasis, px: f64, py: f64) -> f64 {
         let (d, length) = (basis.direction(px, py), basis.length(px, py));
         let level = d.x.hypot(d.y) / length;
-        let horizontal =
-            if hit.face == Face::Top && level < 1e-3 { 0.0 } else { self.cell_size / 1000.0 / level };
+        let is_flat = matches!(hit.face, Face::Top | Face::Bottom);
+        let horizontal = if is_flat && level < 1e-3 { 0.0 } else { self.cell_size / 1000.0 / level };
         let horizontal = if hit.face == Face::Inside { 0.0 } else { horizontal };
         let vertical = if hit.face == Face::Inside { 0.0 } else { self.height_step / (d.z.abs() / length) };
         let nearest = hit.distance as f32;

@@ -97,7 +97,7 @@ fn light(map: &ColumnMap, view: &View, hit: &Hit, is_slab: bool) -> DVec3 {
     let slope = slope * (1.0 + 1.3 / (1.0 + 4.0 * slope.length_squared()));
     let up = DVec3::new(-slope.x, -slope.y, 1.0).normalize();
     let outward = match hit.face {
-        Face::Top | Face::Inside => None,
+        Face::Top | Face::Inside | Face::Bottom => None,
         Face::West => Some(DVec2::NEG_X),
         Face::East => Some(DVec2::X),
         Face::South => Some(DVec2::NEG_Y),

@@ -12,7 +12,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng, seq::SliceRandom};
 
 const ONE: [u32; 2] = [1, 1];
 
-fn point(e: f64, n: f64, u: f64, class: u8) -> Point {
+pub(super) fn point(e: f64, n: f64, u: f64, class: u8) -> Point {
     Point { e, n, u, class, intensity: 0, rgb: [0; 3], returns: 0x11, flags: 0 }
 }
 
@@ -21,7 +21,7 @@ fn map(points: &[Point]) -> ColumnMap {
 }
 
 /// The one ray from `eye` to `target`.
-fn ray(eye: [f64; 3], target: [f64; 3]) -> RayBasis {
+pub(super) fn ray(eye: [f64; 3], target: [f64; 3]) -> RayBasis {
     let (eye, target) = (DVec3::from(eye), DVec3::from(target));
     Camera::look_at(eye, target, Projection::default()).unwrap().basis(ONE).unwrap()
 }
@@ -173,17 +173,19 @@ fn town(seed: u64, cell: f64, e: f64, n: f64) -> Vec<Point> {
 }
 
 /// The image by looking at points along the ray, a thousandth of a cell apart. Nothing
-/// solid may lie before the hit, and something solid must lie at it.
-fn check_against_samples(map: &ColumnMap, basis: &RayBasis, px: f64, py: f64) -> Result<(), TestCaseError> {
-    let c = map.cell_size;
-    let hit = map.trace(basis, px, py);
-    let (o, d) = (basis.origin(px, py), basis.direction(px, py));
+/// may lie before the hit, and something must lie at it: `holds` says whether anything does in a cell between two heights.
+pub(super) fn check_against_samples(
+    hit: Option<Hit>,
+    c: f64,
+    basis: &RayBasis,
+    holds: impl Fn([i64; 2], [f64; 2]) -> bool,
+) -> Result<(), TestCaseError> {
+    let (o, d) = (basis.origin(0.0, 0.0), basis.direction(0.0, 0.0));
     let solid = |t: f64| {
         let p = o + d * t;
-        map.column([(p.x / c).floor() as i64, (p.y / c).floor() as i64])
-            .is_some_and(|column| p.z <= map.top(column))
+        holds([(p.x / c).floor() as i64, (p.y / c).floor() as i64], [p.z; 2])
     };
-    let (unit, step) = (basis.length(px, py), c / 1000.0);
+    let (unit, step) = (basis.length(0.0, 0.0), c / 1000.0);
     // Off the eye, coordinates at a far northing are good to 1e-9.
     let blur = 1e-8 * c.max(1.0) / unit;
     let end = hit.map_or(70.0 * c, |h| h.distance) / unit;
@@ -203,7 +205,7 @@ fn check_against_samples(map: &ColumnMap, basis: &RayBasis, px: f64, py: f64) ->
         let around = near.iter().any(|x| {
             near.iter().any(|y| {
                 let cell = [((p.x + x) / c).floor() as i64, ((p.y + y) / c).floor() as i64];
-                cell == hit.cell && map.column(cell).is_some_and(|column| p.z + near[0] <= map.top(column))
+                cell == hit.cell && holds(cell, [p.z + near[0], p.z + near[2]])
             })
         });
         prop_assert!(around, "nothing at {hit:?}");
@@ -229,7 +231,10 @@ proptest! {
         prop_assume!(eye != target);
         let points = town(seed, cell, origin[0], origin[1]);
         let map = ColumnMap::build(points, [cell, STEP], &ClassMask::all(), true);
-        check_against_samples(&map, &ray(eye, target), 0.0, 0.0)?;
+        let ray = ray(eye, target);
+        check_against_samples(map.trace(&ray, 0.0, 0.0), cell, &ray, |cell, [low, _]| {
+            map.column(cell).is_some_and(|column| low <= map.top(column))
+        })?;
     }
 }
 

@@ -2,23 +2,27 @@
 
 use super::columns::{Column, ColumnMap};
 use crate::render::camera::RayBasis;
+use glam::DVec3;
 use std::thread;
 
-/// What a ray struck.
+/// What a ray struck; numbered as the device does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Face {
-    /// The top of a column.
-    Top,
+    /// The top of a column, or of a span that floats in it.
+    Top = 0,
     /// The side that faces west; the ray runs east.
-    West,
+    West = 1,
     /// The side that faces east.
-    East,
+    East = 2,
     /// The side that faces south.
-    South,
+    South = 3,
     /// The side that faces north.
-    North,
-    /// None: the ray starts inside the column.
-    Inside,
+    North = 4,
+    /// None: the ray starts inside the column or span.
+    Inside = 5,
+    /// The bottom of a span that floats.
+    Bottom = 6,
 }
 
 /// Where a ray first meets a column.
@@ -34,20 +38,81 @@ pub struct Hit {
     pub face: Face,
     /// floor(E / c), floor(N / c).
     pub cell: [i64; 2],
-    /// The point that won the cell.
+    /// The point that won the cell, or the highest of the span.
     pub column: Column,
+}
+
+/// A ray while it is in a cell.
+pub(super) struct Stay {
+    pub cell: [i64; 2],
+    origin: DVec3,
+    direction: DVec3,
+    t_in: f64,
+    t_out: f64,
+    /// Whether the borders it comes in and leaves by belong to the cell.
+    in_closed: bool,
+    out_closed: bool,
+    /// What it comes in by.
+    side: Face,
+}
+
+/// Where a ray first meets something.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Contact {
+    pub t: f64,
+    pub height: f64,
+    pub face: Face,
+}
+
+impl Stay {
+    /// The first contact with what reaches from `bottom` up to `top`, both of them included.
+    pub fn contact(&self, [bottom, top]: [f64; 2]) -> Option<Contact> {
+        let (o, d) = (self.origin, self.direction);
+        let [t_bottom, t_top] = [bottom, top].map(|u| (u - o.z) / d.z);
+        let after_entry = |t: f64| self.t_in < t || (self.t_in == t && self.in_closed);
+        let before_exit = |t: f64| t < self.t_out || (t == self.t_out && self.out_closed);
+        let is_within_on_entry = if d.z < 0.0 {
+            self.t_in > t_top && after_entry(t_bottom)
+        } else if d.z > 0.0 {
+            self.t_in >= t_bottom && after_entry(t_top)
+        } else {
+            (bottom..=top).contains(&o.z)
+        };
+        if is_within_on_entry {
+            return Some(Contact { t: self.t_in, height: o.z + self.t_in * d.z, face: self.side });
+        }
+        let (t, height, face) = if d.z < 0.0 {
+            (t_top, top, Face::Top)
+        } else if d.z > 0.0 {
+            (t_bottom, bottom, Face::Bottom)
+        } else {
+            return None;
+        };
+        (t >= self.t_in && before_exit(t)).then_some(Contact { t, height, face })
+    }
 }
 
 impl ColumnMap {
     /// Walks the ray of a pixel (whole numbers = pixel centres) cell by cell to its first hit.
     pub fn trace(&self, basis: &RayBasis, px: f64, py: f64) -> Option<Hit> {
+        self.walk(basis, [px, py], |stay| {
+            let column = *self.column(stay.cell)?;
+            Some((stay.contact([f64::NEG_INFINITY, self.top(&column)])?, column))
+        })
+    }
+
+    /// Walks the ray of a pixel from cell to cell until there is contact with what stands in one.
+    pub(super) fn walk(
+        &self,
+        basis: &RayBasis,
+        [px, py]: [f64; 2],
+        contact: impl Fn(&Stay) -> Option<(Contact, Column)>,
+    ) -> Option<Hit> {
         let (o, d) = (basis.origin(px, py), basis.direction(px, py));
         if self.is_empty() {
             return None;
         }
-        // Parameter at which the ray is at the top of height `u`.
-        let t_top = |u: f64| (u - o.z) / d.z;
-        let t_highest = t_top(self.highest);
+        let t_highest = (self.highest - o.z) / d.z;
         let mut start = 0.0f64;
         if d.z < 0.0 {
             start = start.max(t_highest);
@@ -71,42 +136,21 @@ impl ColumnMap {
             // Running west or south, the border left through belongs to the cell, the one entered by not.
             let in_closed = (0..2).all(|a| enter[a] < t_in || d[a] >= 0.0);
             let out_closed = (0..2).all(|a| leave[a] > t_out || d[a] < 0.0);
-            if let Some(&column) = self.column(cell)
-                && (t_in < t_out || (t_in == t_out && in_closed && out_closed))
-            {
-                let top = self.top(&column);
-                let t_top = t_top(top);
-                let below_on_entry = if d.z < 0.0 {
-                    t_in > t_top
-                } else if d.z > 0.0 {
-                    t_in < t_top || (t_in == t_top && in_closed)
+            if t_in < t_out || (t_in == t_out && in_closed && out_closed) {
+                // On a border as well, if that belongs to the cell.
+                let side = if t_in == 0.0 && in_closed {
+                    Face::Inside
+                } else if enter[0] >= enter[1] {
+                    if d.x > 0.0 { Face::West } else { Face::East }
+                } else if d.y > 0.0 {
+                    Face::South
                 } else {
-                    o.z <= top
+                    Face::North
                 };
-                let through_top =
-                    d.z < 0.0 && t_top >= t_in && (t_top < t_out || (t_top == t_out && out_closed));
-                let hit = |t: f64, height: f64, face: Face| Hit {
-                    distance: t * basis.length(px, py) + basis.distance_eye_to_plane(px, py),
-                    height,
-                    class: column.class,
-                    face,
-                    cell,
-                    column,
-                };
-                if below_on_entry {
-                    let face = if t_in > enter[0] && t_in > enter[1] {
-                        Face::Inside
-                    } else if enter[0] >= enter[1] {
-                        if d.x > 0.0 { Face::West } else { Face::East }
-                    } else if d.y > 0.0 {
-                        Face::South
-                    } else {
-                        Face::North
-                    };
-                    return Some(hit(t_in, o.z + t_in * d.z, face));
-                }
-                if through_top {
-                    return Some(hit(t_top, top, Face::Top));
+                let stay = Stay { cell, origin: o, direction: d, t_in, t_out, in_closed, out_closed, side };
+                if let Some((Contact { t, height, face }, column)) = contact(&stay) {
+                    let distance = t * basis.length(px, py) + basis.distance_eye_to_plane(px, py);
+                    return Some(Hit { distance, height, class: column.class, face, cell, column });
                 }
             }
             if t_out == f64::INFINITY || (d.z > 0.0 && t_out > t_highest) {
@@ -127,22 +171,31 @@ impl ColumnMap {
     }
 
     /// All pixels of an image, row by row from the top.
-    pub fn render(&self, basis: &RayBasis, [width, height]: [u32; 2]) -> Vec<Option<Hit>> {
-        let mut hits = vec![None; width as usize * height as usize];
-        let threads = thread::available_parallelism().map_or(1, |n| n.get());
-        let rows = (height as usize).div_ceil(threads).max(1);
-        thread::scope(|scope| {
-            for (band, hits) in hits.chunks_mut((rows * width as usize).max(1)).enumerate() {
-                scope.spawn(move || {
-                    for (k, hit) in hits.iter_mut().enumerate() {
-                        let [x, y] = [k % width as usize, band * rows + k / width as usize];
-                        *hit = self.trace(basis, x as f64, y as f64);
-                    }
-                });
-            }
-        });
-        hits
+    pub fn render(&self, basis: &RayBasis, size: [u32; 2]) -> Vec<Option<Hit>> {
+        each_pixel(size, |x, y| self.trace(basis, x, y))
     }
+}
+
+/// What `trace` finds for all pixels of an image, row by row from the top.
+pub(super) fn each_pixel(
+    [width, height]: [u32; 2],
+    trace: impl Fn(f64, f64) -> Option<Hit> + Sync,
+) -> Vec<Option<Hit>> {
+    let mut hits = vec![None; width as usize * height as usize];
+    let threads = thread::available_parallelism().map_or(1, |n| n.get());
+    let rows = (height as usize).div_ceil(threads).max(1);
+    let trace = &trace;
+    thread::scope(|scope| {
+        for (band, hits) in hits.chunks_mut((rows * width as usize).max(1)).enumerate() {
+            scope.spawn(move || {
+                for (k, hit) in hits.iter_mut().enumerate() {
+                    let [x, y] = [k % width as usize, band * rows + k / width as usize];
+                    *hit = trace(x as f64, y as f64);
+                }
+            });
+        }
+    });
+    hits
 }
 
 /// One horizontal axis of a ray. Where it is in which cell is decided by comparing parameters of border
