@@ -6,7 +6,7 @@ mod scaled;
 #[path = "../common/scene.rs"]
 mod scene;
 mod shifted;
-// mod stacks;
+mod stacks;
 
 use common::LAVAPIPE;
 use glam::DVec3;

@@ -17,8 +17,8 @@ use std::collections::{BTreeMap, HashMap};
 const KEY_FLAGS: u8 = 15;
 /// Columns each way, all around, that tell whether an unclassified span floats.
 const AROUND: i64 = 2;
-/// So many of them must have a gap below it.
-const LEAST_GAPS: usize = 3;
+/// So many of them must hold a point that is lower by more than a gap.
+const LEAST_LOWER: usize = 3;
 
 /// What spans go by, steps of the heights' lattice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,8 +66,8 @@ struct Span {
 /// A column on its own.
 struct Spans {
     spans: Vec<Span>,
-    /// Height of the lowest thing that has a gap above it.
-    beneath_gap: Option<i64>,
+    /// Height of the lowest of its points.
+    lowest: Option<i64>,
 }
 
 /// What a class says of standing on something.
@@ -95,34 +95,33 @@ impl Spans {
         for point in points {
             keys.entry((point.class, point.flags & KEY_FLAGS)).or_default().push(point);
         }
-        let (mut spans, mut heights) = (Vec::new(), Vec::new());
+        let (mut spans, mut lowest) = (Vec::new(), None::<i64>);
         for ((class, _), mut points) in keys {
             points.sort_by_key(|&point| Reverse(point));
             if standing(class) == Standing::Solid {
                 // What is below the highest is within what is solid, and counts nowhere.
                 points.truncate(1);
             }
-            heights.extend(points.iter().map(|point| point.height_steps));
+            let last = points[points.len() - 1].height_steps;
+            lowest = Some(lowest.map_or(last, |lowest| lowest.min(last)));
             let pieces = points.chunk_by(|upper, lower| upper.height_steps - lower.height_steps <= gap);
             spans.extend(
                 pieces.map(|piece| Span { top: piece[0], lowest: piece[piece.len() - 1].height_steps }),
             );
         }
-        heights.sort_unstable();
-        let beneath_gap = heights.windows(2).find(|pair| pair[1] - pair[0] > gap).map(|pair| pair[0]);
-        Spans { spans, beneath_gap }
+        Spans { spans, lowest }
     }
 }
 
-/// Whether an unclassified span of `cell` has gaps below it, in columns around that are of its section.
-fn has_gaps_below(columns: &HashMap<[i64; 2], Spans>, cell: [i64; 2], span: &Span, gap: i64) -> bool {
+/// Whether columns around that are of its section hold points below an unclassified span of `cell`, and below a gap.
+fn is_over_lower(columns: &HashMap<[i64; 2], Spans>, cell: [i64; 2], span: &Span, gap: i64) -> bool {
     let section = |cell: [i64; 2]| cell.map(|index| index.div_euclid(SECTION_SIDE.into()));
     let around = (-AROUND..=AROUND).flat_map(|j| (-AROUND..=AROUND).map(move |i| [cell[0] + i, cell[1] + j]));
-    let gaps = around.filter(|&near| section(near) == section(cell)).filter(|near| {
-        let beneath = columns.get(near).and_then(|column| column.beneath_gap);
-        beneath.is_some_and(|height| height < span.lowest - gap)
+    let lower = around.filter(|&near| section(near) == section(cell)).filter(|near| {
+        let lowest = columns.get(near).and_then(|column| column.lowest);
+        lowest.is_some_and(|height| height < span.lowest - gap)
     });
-    gaps.count() >= LEAST_GAPS
+    lower.count() >= LEAST_LOWER
 }
 
 impl StackMap {
@@ -144,7 +143,7 @@ impl StackMap {
             let floats = |span: &Span| match standing(span.top.class) {
                 Standing::Solid => false,
                 Standing::Floats => true,
-                Standing::Unclear => has_gaps_below(&columns, cell, span, spacing.gap),
+                Standing::Unclear => is_over_lower(&columns, cell, span, spacing.gap),
             };
             let (floating, solid): (Vec<Span>, Vec<Span>) =
                 column.spans.iter().partition(|&span| floats(span));
@@ -216,13 +215,12 @@ impl Stack {
     }
 }
 
-/// Spans of a column's visible points, each its highest point and its lowest height, and the height of the lowest thing
-/// that has a gap above it.
+/// Spans of a column's visible points, each its highest point and its lowest height, and the lowest of all heights.
 #[cfg(test)]
 pub(super) fn spans_of(
     points: Vec<Column>,
     gap: i64,
 ) -> (std::collections::BTreeSet<(Column, i64)>, Option<i64>) {
-    let Spans { spans, beneath_gap } = Spans::of(points, gap);
-    (spans.into_iter().map(|span| (span.top, span.lowest)).collect(), beneath_gap)
+    let Spans { spans, lowest } = Spans::of(points, gap);
+    (spans.into_iter().map(|span| (span.top, span.lowest)).collect(), lowest)
 }
