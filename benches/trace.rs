@@ -24,6 +24,7 @@ use lasray::render::frame::{Background, Logged, PassOptions, Renderer, Shade, Tr
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::section::Surface;
+use lasray::section::Surface;
 use lasray::source::placement::PlacementOptions;
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -769,7 +770,8 @@ fn compiled(gpu: &Gpu, variants: &[Variant]) -> anyhow::Result<Vec<Value>> {
     }
     let mut pipeline_descs: Vec<(String, PipelineDesc)> = Vec::new();
     #[cfg(feature = "view")]
-    let derived = lasray::resident::derived_pipeline_descs(Access::Address, true)[0].clone();
+    let derived =
+        lasray::resident::derived_pipeline_descs(Access::Address, Surface::Columns, true)[0].clone();
     #[cfg(not(feature = "view"))]
     let derived = Vec::new();
     let passes = variants

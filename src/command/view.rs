@@ -276,3 +276,19 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     })?;
     Ok(Outcome::Done)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_say_what_points_stand_for() {
+        let surface =
+            |options: &[&str]| Typed::try_parse_from(options).unwrap().args.view().unwrap().data.surface;
+        assert_eq!(surface(&[]), Surface::Columns);
+        assert_eq!(surface(&["--surface=stacks"]), Surface::Stacks);
+        for kind in [Surface::Columns, Surface::Stacks] {
+            assert_eq!(surface(&["--surface", kind.name()]), kind);
+        }
+    }
+}

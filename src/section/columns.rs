@@ -4,21 +4,21 @@
 //! in the order of 8×8 blocks. What is uploaded has those blocks that hold anything, in the same order, so that
 //! [`Columns::pack_into`] mostly copies.
 //!
-//! Of [stacks](Columns::stacks) it keeps more: see there.
+//! Of [stacks](Columns::stacks) it keeps more: see `section::stacks`.
 
-mod stacks;
-
+use super::blocks::Blocks;
 use super::layout::{
-    BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_BLOCK, Floats, HEADER_WORDS, HeightCode, Layout,
-    MOST_OTHERS, PLACE_WORDS, RUN_WORDS, SECTION_BLOCKS, column_at, column_index,
+    BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_BLOCK, FIRST_STACK_BLOCK, Floats, HEADER_WORDS,
+    HeightCode, Layout, MOST_OTHERS, PLACE_WORDS, RUN_WORDS, SECTION_BLOCKS, STACK_BLOCK_WORDS,
+    STACK_PLACE_WORDS, STACK_RUN_WORDS, column_at, column_index,
 };
 use super::payload::{HighestOf, Payload};
+use super::stacks::{self, Floating, Gathering, Stacks};
 use super::surface::Surface;
 use crate::attribute::{Record, unbias};
 use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE, Stacking};
 use crate::source::FLAG_WITHHELD;
 use memmap2::MmapMut;
-use stacks::{Floating, Stacks};
 
 /// The best record of a further class of a column.
 #[derive(Clone, Copy)]
@@ -73,30 +73,6 @@ impl Default for Columns {
             lowest: Height(i32::MAX),
             stacks: None,
         }
-    }
-}
-
-/// A bit a block.
-#[derive(Clone, Copy, Default)]
-struct Blocks([u64; SECTION_BLOCKS / 64]);
-
-impl Blocks {
-    #[inline]
-    fn has(&self, block: usize) -> bool {
-        self.0[block / 64] >> (block % 64) & 1 != 0
-    }
-
-    fn insert(&mut self, block: usize) {
-        self.0[block / 64] |= 1 << (block % 64);
-    }
-
-    /// Those among the `n` (a power of two, 64 at most) that `block` is one of.
-    fn among(&self, block: usize, n: usize) -> u64 {
-        self.0[block / 64] >> (block % 64 / n * n) & (u64::MAX >> (64 - n))
-    }
-
-    fn count(&self) -> u32 {
-        self.0.iter().map(|bits| bits.count_ones()).sum()
     }
 }
 
@@ -172,6 +148,18 @@ impl Columns {
             Surface::Columns => Columns::default(),
             Surface::Stacks => Columns::stacks(stacking),
         }
+    }
+
+    /// No points yet, in stacks: of every column and key the highest record in each slice, and the lowest height there; of
+    /// classes that never float the highest alone.
+    pub fn stacks(stacking: Stacking) -> Columns {
+        let stacks = Some(Box::new(Stacks::new(stacking)));
+        Columns { pages: Pages::new(Surface::Stacks), stacks, ..Columns::default() }
+    }
+
+    /// What they are stacked by; `None`: columns.
+    pub fn stacking(&self) -> Option<Stacking> {
+        self.stacks.as_ref().map(|stacks| stacks.stacking)
     }
 
     /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its class (of stacks:
@@ -362,6 +350,44 @@ impl Columns {
         std::iter::successors(at(head), move |other| at(other.next)).map(|o| o.record)
     }
 
+    /// A column's further runs and their lows, of columns 0.
+    fn chain_of(&self, head: u32) -> impl Iterator<Item = (Record, u16)> {
+        let lows = self.stacks.as_ref().map_or(&[][..], |stacks| &stacks.lows);
+        let next = |index: &u32| Some(self.others[*index as usize].next).filter(|next| *next != 0);
+        std::iter::successors(Some(head), next).map(move |index| {
+            let index = index as usize;
+            (self.others[index].record, lows.get(index).copied().unwrap_or(0))
+        })
+    }
+
+    /// A column's further runs of stacks that are uploaded.
+    fn kept(&self, head: u32, kept: &mut Vec<(Record, u16)>) {
+        kept.clear();
+        kept.extend(self.chain_of(head));
+        stacks::keep(kept);
+    }
+
+    /// Which runs may float; `None`: these are columns.
+    fn floating(&self) -> Option<Floating> {
+        let mut gathering = Gathering::new(self.stacking()?);
+        let (first, heads, counts, lows) = self.pages.planes();
+        let mut kept = Vec::new();
+        for b in (0..SECTION_BLOCKS).filter(|&b| self.occupied.has(b)) {
+            for c in (b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS).filter(|&c| !first[c].is_empty()) {
+                let highest = std::iter::once((first[c], lows[c]));
+                match counts[c] {
+                    0 => gathering.see(c as u16, highest),
+                    MOST_OTHERS => {
+                        self.kept(heads[c], &mut kept);
+                        gathering.see(c as u16, highest.chain(kept.iter().copied()));
+                    }
+                    _ => gathering.see(c as u16, highest.chain(self.chain_of(heads[c]))),
+                }
+            }
+        }
+        Some(gathering.finish())
+    }
+
     /// Puts this section's records into `parent`, whose cells are twice as wide; (i, j) are this section's
     /// own indices. Equal to binning the points at the coarser size, since maximum, minimum and rounding commute.
     pub fn coarsen_into(&self, i: i32, j: i32, parent: &mut Columns) {
@@ -476,6 +502,55 @@ impl Columns {
                 }
             }
             b = end;
+        }
+    }
+
+    /// As [`Columns::pack_with`], of what may float.
+    fn pack_stacks(&self, floating: &Floating, words: &mut [u32], copy: impl Fn(&mut [u32], &[u32])) {
+        let layout = self.layout_with(Some(floating.floats()));
+        let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
+        let (places, rest) = rest.split_at_mut(STACK_PLACE_WORDS * SECTION_BLOCKS);
+        let (blocks, rest) = rest.split_at_mut((layout.blocks * STACK_BLOCK_WORDS) as usize);
+        let (counts, others) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
+        header.copy_from_slice(&layout.header());
+        let (first, heads, of_columns, lows) = self.pages.planes();
+        let places = places.as_chunks_mut::<STACK_PLACE_WORDS>().0;
+        let blocks = blocks.as_chunks_mut::<{ STACK_BLOCK_WORDS as usize }>().0.iter_mut();
+        let counts = counts.as_chunks_mut::<COUNT_WORDS>().0.iter_mut();
+        let mut parts = blocks.zip(counts);
+        let mut others = others.as_chunks_mut::<STACK_RUN_WORDS>().0.iter_mut();
+        let mut kept = Vec::new();
+        let (mut at, mut written, mut spans, mut lists) = (FIRST_STACK_BLOCK, 0, 0, 0);
+        for (b, place) in places.iter_mut().enumerate() {
+            if !self.occupied.has(b) {
+                *place = [0; STACK_PLACE_WORDS];
+                continue;
+            }
+            let [south, north] = floating.runs[b];
+            let [of_south, of_north] = floating.lists[b].map(|is_listed| {
+                lists += u32::from(is_listed);
+                if is_listed { lists } else { 0 }
+            });
+            *place = [at, written, spans, spans + south, of_south, of_north];
+            at += STACK_BLOCK_WORDS;
+            spans += south + north;
+            let columns = b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS;
+            let (block, counts) = parts.next().expect("as many as are counted");
+            let (of_records, of_lows) = block.split_at_mut(BLOCK_WORDS);
+            copy(of_records, bytemuck::cast_slice(&first[columns.clone()]));
+            of_lows.copy_from_slice(bytemuck::cast_slice(&lows[columns.clone()]));
+            counts.copy_from_slice(bytemuck::cast_slice(&of_columns[columns.clone()]));
+            if !self.chained.has(b) {
+                continue;
+            }
+            for c in columns.filter(|&c| of_columns[c] > 0) {
+                self.kept(heads[c], &mut kept);
+                for (record, low) in &kept {
+                    let [height, class, rest] = record.0;
+                    *others.next().expect("as many as are counted") = [height, class, rest, (*low).into()];
+                }
+                written += u32::from(of_columns[c]);
+            }
         }
     }
 

@@ -1,9 +1,11 @@
 //! Sections: 256 × 256 columns, as points make them and, word for word, as the device has them.
 
+mod blocks;
 mod columns;
 mod layout;
 mod payload;
 pub mod slot;
+mod stacks;
 mod surface;
 
 pub use columns::Columns;

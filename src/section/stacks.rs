@@ -5,12 +5,8 @@
 //! columns. Which runs float is decided where sections are derived, under what is shown; here it is bounded, so that room
 //! is made for no more than may.
 
-use super::super::layout::{
-    BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_STACK_BLOCK, Floats, HEADER_WORDS, MOST_OTHERS,
-    SECTION_BLOCKS, STACK_BLOCK_WORDS, STACK_PLACE_WORDS, STACK_RUN_WORDS, column_at, column_index,
-};
-use super::super::surface::Surface;
-use super::{Blocks, Columns, Pages, of_record};
+use super::blocks::Blocks;
+use super::layout::{BLOCK_COLUMNS, Floats, MOST_OTHERS, SECTION_BLOCKS, column_at, column_index};
 use crate::attribute::{Record, always_floats, is_always_solid};
 use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE, Stacking};
 use crate::shared::passes::{HALF_BLOCK_EAST, HALF_BLOCK_NORTH};
@@ -51,6 +47,10 @@ pub(super) fn low_of(stacking: Stacking, record: Record, lowest: Height) -> u16 
 }
 
 impl Stacks {
+    pub(super) fn new(stacking: Stacking) -> Stacks {
+        Stacks { stacking, lows: vec![0], loose: 0, halves: Default::default() }
+    }
+
     #[inline]
     pub(super) fn slice_log2(&self) -> u32 {
         self.stacking.slice_log2
@@ -86,9 +86,9 @@ fn half_of(column: u16) -> usize {
 /// Runs of a section that may float under some mask.
 pub(super) struct Floating {
     /// How many, of the halves of each block.
-    runs: Vec<[u32; 2]>,
+    pub(super) runs: Vec<[u32; 2]>,
     /// Halves that have lists: they hold any, or what is around such.
-    lists: [[bool; 2]; SECTION_BLOCKS],
+    pub(super) lists: Vec<[bool; 2]>,
 }
 
 impl Floating {
@@ -148,7 +148,7 @@ impl Seen {
     const NOTHING: Seen = Seen { lowest: i32::MAX, floating: 0, unclassified: 0, low: i32::MIN };
 
     fn see(&mut self, stacking: Stacking, (record, low): (Record, u16)) {
-        let (class, high) = (record.class(), of_record(&record));
+        let (class, high) = (record.class(), record.height().expect("runs are not empty"));
         let is_solid = is_always_solid(class);
         let low = if is_solid { high } else { stacking.low_height(high, low) };
         self.lowest = self.lowest.min(low.0);
@@ -160,157 +160,75 @@ impl Seen {
     }
 }
 
-impl Columns {
-    /// No points yet, in stacks: of every column and key the highest record in each slice, and the lowest height there; of
-    /// classes that never float the highest alone.
-    pub fn stacks(stacking: Stacking) -> Columns {
-        let stacks = Stacks { stacking, lows: vec![0], loose: 0, halves: Default::default() };
-        Columns { pages: Pages::new(Surface::Stacks), stacks: Some(Box::new(stacks)), ..Columns::default() }
+/// Sees the columns of a section, in block order, and then tells which runs may float.
+pub(super) struct Gathering {
+    stacking: Stacking,
+    /// Of the halves of each block: runs that float whatever is around.
+    runs: Vec<[u32; 2]>,
+    lowest: Lowest,
+    /// Blocks that hold anything.
+    occupied: Vec<bool>,
+    /// Columns with runs of which what is around tells.
+    unclassified: Vec<(u16, Seen)>,
+}
+
+impl Gathering {
+    pub(super) fn new(stacking: Stacking) -> Gathering {
+        let (runs, occupied) = (vec![[0; 2]; SECTION_BLOCKS], vec![false; SECTION_BLOCKS]);
+        Gathering { stacking, runs, lowest: Lowest::none(), occupied, unclassified: Vec::new() }
     }
 
-    /// What they are stacked by; `None`: columns.
-    pub fn stacking(&self) -> Option<Stacking> {
-        self.stacks.as_ref().map(|stacks| stacks.stacking)
-    }
-
-    /// A column's further runs and their lows, of columns 0.
-    pub(super) fn chain_of(&self, head: u32) -> impl Iterator<Item = (Record, u16)> {
-        let lows = self.stacks.as_ref().map_or(&[][..], |stacks| &stacks.lows);
-        let next = |index: &u32| Some(self.others[*index as usize].next).filter(|next| *next != 0);
-        std::iter::successors(Some(head), next).map(move |index| {
-            let index = index as usize;
-            (self.others[index].record, lows.get(index).copied().unwrap_or(0))
-        })
-    }
-
-    /// A column's further runs that are uploaded, highest first: the highest, but not only such as float where others lie
-    /// below them.
-    fn kept(&self, head: u32, kept: &mut Vec<(Record, u16)>) {
-        kept.clear();
-        kept.extend(self.chain_of(head));
-        kept.sort_unstable_by(|(a, _), (b, _)| b.cmp(a));
-        let most = usize::from(MOST_OTHERS);
-        if let Some(solid) = kept.iter().skip(most).find(|(record, _)| !always_floats(record.class())) {
-            kept[most - 1] = *solid;
+    /// A column, and all of its runs that are uploaded, with their lows.
+    pub(super) fn see(&mut self, column: u16, runs: impl Iterator<Item = (Record, u16)>) {
+        let mut seen = Seen::NOTHING;
+        runs.for_each(|run| seen.see(self.stacking, run));
+        let block = usize::from(column) / BLOCK_COLUMNS;
+        self.occupied[block] = true;
+        self.runs[block][half_of(column)] += seen.floating;
+        self.lowest.set(column, seen.lowest);
+        if seen.unclassified > 0 {
+            self.unclassified.push((column, seen));
         }
-        kept.truncate(most);
     }
 
-    /// Which runs may float; `None`: these are columns.
-    pub(super) fn floating(&self) -> Option<Floating> {
-        let stacking = self.stacking()?;
-        let (first, heads, counts, lows) = self.pages.planes();
-        let mut runs = vec![[0; 2]; SECTION_BLOCKS];
-        let mut lowest = Lowest::none();
-        let mut unclassified = Vec::new();
-        let mut kept = Vec::new();
-        for b in (0..SECTION_BLOCKS).filter(|&b| self.occupied.has(b)) {
-            for c in (b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS).filter(|&c| !first[c].is_empty()) {
-                let mut seen = Seen::NOTHING;
-                seen.see(stacking, (first[c], lows[c]));
-                match counts[c] {
-                    0 => {}
-                    MOST_OTHERS => {
-                        self.kept(heads[c], &mut kept);
-                        kept.iter().for_each(|&run| seen.see(stacking, run));
-                    }
-                    _ => self.chain_of(heads[c]).for_each(|run| seen.see(stacking, run)),
-                }
-                let column = c as u16;
-                runs[b][half_of(column)] += seen.floating;
-                lowest.set(column, seen.lowest);
-                if seen.unclassified > 0 {
-                    unclassified.push((column, seen));
-                }
-            }
-        }
+    pub(super) fn finish(mut self) -> Floating {
+        let mut lists: Vec<[bool; 2]> = self.runs.iter().map(|halves| halves.map(|n| n > 0)).collect();
         // Where nothing around is lower by a gap, nothing floats under any mask.
-        let gap = i64::from(stacking.gap());
-        let around = if unclassified.is_empty() { Lowest::none() } else { lowest.around() };
-        let is_over_lower =
-            |column: u16, seen: &Seen| i64::from(seen.low) - i64::from(around.at(column)) > gap;
-        let mut near = [[false; 2]; SECTION_BLOCKS];
-        for (column, seen) in unclassified.into_iter().filter(|(column, seen)| is_over_lower(*column, seen)) {
-            runs[usize::from(column) / BLOCK_COLUMNS][half_of(column)] += seen.unclassified;
+        let gap = i64::from(self.stacking.gap());
+        let around = if self.unclassified.is_empty() { Lowest::none() } else { self.lowest.around() };
+        let over = |(column, seen): &(u16, Seen)| i64::from(seen.low) - i64::from(around.at(*column)) > gap;
+        let last = SECTION_SIDE - 1;
+        for (column, seen) in self.unclassified.into_iter().filter(over) {
+            self.runs[usize::from(column) / BLOCK_COLUMNS][half_of(column)] += seen.unclassified;
             // What is around tells it by its lowest points, which lists have.
-            let [x, y] = column_at(column).map(|at| at as usize);
-            let around = |at: usize| [at.saturating_sub(REACH), (at + REACH).min(SECTION_SIDE as usize - 1)];
-            for [x, y] in around(x).into_iter().flat_map(|x| around(y).map(|y| [x as u32, y as u32])) {
-                let column = column_index(x, y);
-                near[usize::from(column) / BLOCK_COLUMNS][half_of(column)] = true;
+            let ends = |at: u32| [at.saturating_sub(REACH as u32), (at + REACH as u32).min(last)];
+            let [x, y] = column_at(column).map(ends);
+            for corner in x.into_iter().flat_map(|x| y.map(|y| column_index(x, y))) {
+                let block = usize::from(corner) / BLOCK_COLUMNS;
+                lists[block][half_of(corner)] |= self.occupied[block];
             }
         }
-        let mut lists = near;
-        lists.iter_mut().flatten().zip(runs.as_flattened()).for_each(|(is_listed, n)| *is_listed |= *n > 0);
-        lists
-            .iter_mut()
-            .enumerate()
-            .filter(|(b, _)| !self.occupied.has(*b))
-            .for_each(|(_, of)| *of = [false; 2]);
-        Some(Floating { runs, lists })
+        Floating { runs: self.runs, lists }
     }
+}
 
-    /// As [`Columns::pack_with`], of what may float.
-    pub(super) fn pack_stacks(
-        &self,
-        floating: &Floating,
-        words: &mut [u32],
-        copy: impl Fn(&mut [u32], &[u32]),
-    ) {
-        let layout = self.layout_with(Some(floating.floats()));
-        let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
-        let (places, rest) = rest.split_at_mut(STACK_PLACE_WORDS * SECTION_BLOCKS);
-        let (blocks, rest) = rest.split_at_mut((layout.blocks * STACK_BLOCK_WORDS) as usize);
-        let (counts, others) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
-        header.copy_from_slice(&layout.header());
-        let (first, heads, of_columns, lows) = self.pages.planes();
-        let places = places.as_chunks_mut::<STACK_PLACE_WORDS>().0;
-        let blocks = blocks.as_chunks_mut::<{ STACK_BLOCK_WORDS as usize }>().0.iter_mut();
-        let counts = counts.as_chunks_mut::<COUNT_WORDS>().0.iter_mut();
-        let mut parts = blocks.zip(counts);
-        let mut others = others.as_chunks_mut::<STACK_RUN_WORDS>().0.iter_mut();
-        let mut kept = Vec::new();
-        let (mut at, mut written, mut spans, mut lists) = (FIRST_STACK_BLOCK, 0, 0, 0);
-        for (b, place) in places.iter_mut().enumerate() {
-            if !self.occupied.has(b) {
-                *place = [0; STACK_PLACE_WORDS];
-                continue;
-            }
-            let [south, north] = floating.runs[b];
-            let [of_south, of_north] = floating.lists[b].map(|is_listed| {
-                lists += u32::from(is_listed);
-                if is_listed { lists } else { 0 }
-            });
-            *place = [at, written, spans, spans + south, of_south, of_north];
-            at += STACK_BLOCK_WORDS;
-            spans += south + north;
-            let columns = b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS;
-            let (block, counts) = parts.next().expect("as many as are counted");
-            let (of_records, of_lows) = block.split_at_mut(BLOCK_WORDS);
-            copy(of_records, bytemuck::cast_slice(&first[columns.clone()]));
-            of_lows.copy_from_slice(bytemuck::cast_slice(&lows[columns.clone()]));
-            counts.copy_from_slice(bytemuck::cast_slice(&of_columns[columns.clone()]));
-            if !self.chained.has(b) {
-                continue;
-            }
-            for c in columns.filter(|&c| of_columns[c] > 0) {
-                self.kept(heads[c], &mut kept);
-                for (record, low) in &kept {
-                    let [height, class, rest] = record.0;
-                    *others.next().expect("as many as are counted") = [height, class, rest, (*low).into()];
-                }
-                written += u32::from(of_columns[c]);
-            }
-        }
+/// Keeps of a column's further runs, and their lows, those that are uploaded, highest first: the highest, but not only such
+/// as float where others lie below them.
+pub(super) fn keep(runs: &mut Vec<(Record, u16)>) {
+    runs.sort_unstable_by(|(a, _), (b, _)| b.cmp(a));
+    let most = usize::from(MOST_OTHERS);
+    if let Some(solid) = runs.iter().skip(most).find(|(record, _)| !always_floats(record.class())) {
+        runs[most - 1] = *solid;
     }
+    runs.truncate(most);
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::super::layout::{HeightCode, column_index};
     use super::*;
     use crate::attribute::Attributes;
-    use crate::section::Payload;
+    use crate::section::layout::HeightCode;
+    use crate::section::{Columns, Payload, column_index};
     use proptest::prelude::*;
     use std::collections::BTreeMap;
 
@@ -332,7 +250,7 @@ mod tests {
     }
 
     fn height(record: Record) -> i64 {
-        of_record(&record).0.into()
+        record.height().unwrap().0.into()
     }
 
     fn key(record: Record) -> (u8, u8) {
@@ -506,7 +424,6 @@ mod tests {
         let most = section.layout_at_most();
         let [floats, at_most] = [layout, most].map(|layout| layout.floats.unwrap());
         assert!(floats.spans <= at_most.spans && floats.lists <= at_most.lists);
-        assert_eq!(Columns::layout_with(&section, Some(floats)), layout);
         assert_eq!(most.uploaded_bytes(), layout.uploaded_bytes());
         assert!(layout.derived_bytes() <= most.derived_bytes());
     }
