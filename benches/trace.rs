@@ -24,7 +24,6 @@ use lasray::render::frame::{Background, Logged, PassOptions, Renderer, Shade, Tr
 use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::section::Surface;
-use lasray::section::Surface;
 use lasray::source::placement::PlacementOptions;
 use serde_json::{Value, json};
 use std::collections::HashMap;
