@@ -14,14 +14,18 @@ layout(local_size_x = DERIVE_THREADS) in;
 
 uvec2 derived;
 
-// Whether anything floats in the derived blocks around one.
+// Whether anything floats in a derived block.
+bool has_floats(ivec2 block) {
+    if (any(notEqual(block & int((1u << DERIVED_BLOCKS_LOG2) - 1u), block))) return false;
+    uint list = list_of(derived, uint(block.y) << DERIVED_BLOCKS_LOG2 | uint(block.x), IS_WIDE);
+    return list != 0u && top_and_bottom(derived, list, IS_WIDE).x != 0u;
+}
+
+// Whether something floats in a derived block, or on two sides of it: not beyond the border of what there is.
 bool is_under(ivec2 block) {
-    for (int k = 0; k < 9; k++) {
-        ivec2 near = block + ivec2(k % 3, k / 3) - 1;
-        if (any(notEqual(near & int((1u << DERIVED_BLOCKS_LOG2) - 1u), near))) continue;
-        uint list = list_of(derived, uint(near.y) << DERIVED_BLOCKS_LOG2 | uint(near.x), IS_WIDE);
-        if (list != 0u && top_and_bottom(derived, list, IS_WIDE).x != 0u) return true;
-    }
+    if (has_floats(block)) return true;
+    const ivec2 axes[4] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1));
+    for (int k = 0; k < 4; k++) if (has_floats(block - axes[k]) && has_floats(block + axes[k])) return true;
     return false;
 }
 
