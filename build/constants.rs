@@ -154,23 +154,27 @@ group! { payload:
     FLOAT_MEANS = 1 << (2 * DERIVED_BLOCKS_LOG2);
     /// Coarsest level of these.
     MEANS_LEVEL = 5;
-    /// Then what floats in the nodes of levels 3 to 8: codes of the highest top and the lowest bottom, a word, or two where
-    /// codes are wide; no top: nothing floats.
+    /// Then nodes of levels 3 to 8: codes of the highest thing that is solid and of the lowest bottom of what floats, a word, or two
+    /// where codes are wide; the highest code: nothing floats.
     FLOAT_NODES = FLOAT_MEANS + codes_of_levels(2, MEANS_LEVEL);
     /// Nodes of those levels, and some for lists to be cache lines.
     FLOAT_NODE_COUNT = (codes_of_levels(3, SECTION_LOG2) + 15) & !15;
-    /// Words of a block's list: its top and bottom as in nodes, then where its spans start (words from the first of these), how
-    /// many each column has, a byte each, and for each the code of its lowest point.
-    LIST_WORDS = 16;
+    /// Words of a block's list: the same as of a node, then what follows.
+    LIST_WORDS = 24;
     /// The same where codes are wide.
-    LIST_WORDS_WIDE = 32;
-    /// Word of a list, behind its top and bottom: where spans start.
-    LIST_SPANS = 0;
-    /// How many each column has.
-    LIST_COUNTS = 1;
-    /// Lowest points.
-    LIST_LOWEST = 5;
-    /// Words of a span: its top and bottom as in nodes, and what it shows.
+    LIST_WORDS_WIDE = 40;
+    /// Word of a list, behind what it has as a node: code of the highest thing that floats; 0: nothing does.
+    LIST_TOP = 0;
+    /// Where spans start, words from the start of what is derived.
+    LIST_SPANS = 1;
+    /// How many each column has, a byte each.
+    LIST_COUNTS = 2;
+    /// Code of the lowest point of each column.
+    LIST_LOWEST = 6;
+    /// Words of such codes, twice as many where they are wide; behind them, as many, those of the highest thing that floats in
+    /// each column.
+    LIST_CODES = 8;
+    /// Words of a span: codes of its top and bottom, a word, or two where they are wide, and what it shows.
     SPAN_WORDS = 2;
     /// The same where codes are wide.
     SPAN_WORDS_WIDE = 3;

@@ -139,5 +139,5 @@ void main() {
         pool_store(derived, first + shown_in_block(IS_WIDE) + inner, shows);
     }
 
-    store_levels_1_and_2(derived, half_block, west);
+    store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u);
 }

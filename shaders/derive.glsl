@@ -1,6 +1,7 @@
 // What the derived passes share: one job a section, the mask under which they run, and codes four at a time.
 // Needs pool.glsl and section.glsl. What is uploaded of a section: see the drawing in docs/from-file-to-pixel.md.
 #include "passes.glsl"
+#include "floats.glsl"
 
 struct Job {
     uvec4 section; // its place; where counts and further runs start
@@ -12,7 +13,8 @@ struct Job {
     uint tie;      // a run so many lattice steps below the top is as high, and shown if the top's class tells less; 0: never
     uint slice;    // of stacks: log2 lattice steps of a slice, which is as long as the longest gap within a span
     uint thickness; // lattice steps that a point of what floats reaches down
-    uint spare[2];
+    uint lists;    // half blocks in which anything may float
+    uint spare;
 };
 
 struct Derive {
@@ -82,18 +84,29 @@ bool half_block_of(uint thread, uint first, uint area, out uint half_block) {
     return thread < size.x * size.y;
 }
 
-// Levels 1 and 2 of a half block, from its level 0, whose first word is `west`.
-void store_levels_1_and_2(uvec2 derived, uint half_block, uint west) {
+// Levels 1 and 2 of a half block, from its level 0, whose first word is `west`. Where its blocks have lists, nodes are as high as
+// what floats in the block, and the list says how high what is solid is.
+void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool has_lists) {
     uvec2 level_2 = uvec2(0u);
-    for (uint pair = 0u; pair < 2u; pair++) {
-        for (uint side = 0u; side < 2u; side++) {
-            uint first = west + side * block_words(IS_WIDE), row = pair * 8u;
+    uvec2 node = half_block_origin(half_block) >> 2u;
+    for (uint side = 0u; side < 2u; side++) {
+        uint first = west + side * block_words(IS_WIDE), list = 0u, floats = 0u;
+        if (has_lists) {
+            list = list_of(derived, node.y << DERIVED_BLOCKS_LOG2 | node.x + side, IS_WIDE);
+            if (list != 0u) floats = pool_load(derived, list + 1u + IS_WIDE + LIST_TOP);
+        }
+        for (uint pair = 0u; pair < 2u; pair++) {
+            uint row = pair * 8u;
             uvec4 columns = max(load_four(derived, first, row), load_four(derived, first, row + 4u));
             uvec2 nodes = max(columns.xz, columns.yw);
-            store_two(derived, first, LEVEL_1 + pair * 2u, nodes);
             level_2[side] = max(level_2[side], max(nodes.x, nodes.y));
+            store_two(derived, first, LEVEL_1 + pair * 2u, max(nodes, uvec2(floats)));
+        }
+        if (list != 0u) {
+            if (WIDE) pool_store(derived, list, level_2[side]);
+            else pool_store(derived, list, pool_load(derived, list) & 0xFFFF0000u | level_2[side]);
+            level_2[side] = max(level_2[side], floats);
         }
     }
-    uvec2 node = half_block_origin(half_block) >> 2u;
     store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << DERIVED_BLOCKS_LOG2 | node.x), level_2);
 }

@@ -8,7 +8,6 @@
 #include "pool.glsl"
 #include "section.glsl"
 #include "derive.glsl"
-#include "floats.glsl"
 
 layout(local_size_x = DERIVE_THREADS) in;
 
@@ -18,7 +17,7 @@ uvec2 derived;
 bool has_floats(ivec2 block) {
     if (any(notEqual(block & int((1u << DERIVED_BLOCKS_LOG2) - 1u), block))) return false;
     uint list = list_of(derived, uint(block.y) << DERIVED_BLOCKS_LOG2 | uint(block.x), IS_WIDE);
-    return list != 0u && top_and_bottom(derived, list, IS_WIDE).x != 0u;
+    return list != 0u && pool_load(derived, list + 1u + IS_WIDE + LIST_TOP) != 0u;
 }
 
 // Whether something floats in a derived block, or on two sides of it: not beyond the border of what there is.
@@ -79,7 +78,7 @@ uvec2 measured_in(uvec2 node, uint level) {
 void main() {
     uint job = gl_WorkGroupID.y, half_block;
     if (!half_block_of(gl_GlobalInvocationID.x, JOB[job].first, JOB[job].area, half_block)) return;
-    if (pool_load(JOB[job].section.xy, HEADER_LISTS) == 0u) return;
+    if (JOB[job].lists == 0u) return;
     uvec4 here = JOB[job].near[4];
     derived = here.xy;
     uvec2 origin = half_block_origin(half_block);
@@ -104,5 +103,5 @@ void main() {
             store_two(derived, first, inner, codes);
         }
     }
-    if (filled) store_levels_1_and_2(derived, half_block, west);
+    if (filled) store_levels_1_and_2(derived, half_block, west, true);
 }

@@ -9,7 +9,6 @@
 #include "section.glsl"
 #include "derive.glsl"
 #include "runs.glsl"
-#include "floats.glsl"
 #include "stacks.glsl"
 
 layout(local_size_x = DERIVE_THREADS) in;
@@ -20,6 +19,7 @@ const uint LEAST_LOWER = 3u;
 
 uint span; // where the next one goes
 uvec2 bounds; // codes of the list's highest top and lowest bottom
+uint highest; // code of the column's highest span
 
 // Whether enough of the columns around `column` hold a point more than a gap below `lowest` (code of a span's lowest point).
 bool is_over_lower(ivec2 column, int lowest) {
@@ -67,7 +67,8 @@ void add_span(uvec3 run, uint bottom) {
     } else pool_store(derived, span, codes.x | codes.y << 16u);
     pool_store(derived, span + 1u + IS_WIDE, shows_of(run));
     span += span_words(IS_WIDE);
-    bounds = uvec2(max(bounds.x, codes.x), bounds.x == 0u ? codes.y : min(bounds.y, codes.y));
+    bounds = uvec2(max(bounds.x, codes.x), min(bounds.y, codes.y));
+    highest = max(highest, codes.x);
 }
 
 // Adds the spans of a column of the block, stores what its solid part shows, and gives that part's code in x, in y how many
@@ -121,7 +122,7 @@ void main() {
     counts = section.z + (block - FIRST_STACK_BLOCK) / STACK_BLOCK_WORDS * COUNT_WORDS + upper * 8u;
     uint before = place_of(half_block, 1u);
     for (uint w = 0u; w < upper * 8u; w++) before += sum_of_bytes(pool_load(place, counts - 8u + w));
-    uint first_span = lists_at(IS_WIDE) + 2u * pool_load(place, HEADER_LISTS) * list_words(IS_WIDE);
+    uint first_span = lists_at(IS_WIDE) + 2u * JOB[job].lists * list_words(IS_WIDE);
     span = first_span + place_of(half_block, 2u + upper) * span_words(IS_WIDE);
     uint west = western_block(half_block, IS_WIDE), measured = 0u;
     uvec2 origin = half_block_origin(half_block);
@@ -129,7 +130,7 @@ void main() {
     for (uint side = 0u; side < 2u; side++) {
         uint list = list_at(number, side), first = west + side * block_words(IS_WIDE);
         uint other = section.w + STACK_RUN_WORDS * before;
-        bounds = uvec2(0u);
+        bounds = uvec2(0u, no_bottom(IS_WIDE));
         pool_store(derived, list + 1u + IS_WIDE + LIST_SPANS, span);
         // A word of counts is a row of one of the two derived blocks.
         for (uint w = 0u; w < 8u; w++) {
@@ -140,25 +141,28 @@ void main() {
             }
             uint row = w >> 1u, counted = 0u;
             for (uint two = 0u; two < 2u; two++) {
-                uvec2 codes = uvec2(0u);
+                uvec2 codes = uvec2(0u), tops = uvec2(0u);
                 for (uint k = 0u; k < 2u; k++) {
+                    highest = 0u;
                     uint x = two * 2u + k, end = other + STACK_RUN_WORDS * (others >> 8u * x & 0xFFu);
                     uint to = first + shown_in_block(IS_WIDE) + row * 4u + x;
                     uvec2 stack = stack_of(upper * 32u + w * 4u + x, ivec2(origin) + ivec2(side * 4u + x, row), other, end, to);
                     other = end;
                     codes[k] = stack.x;
+                    tops[k] = highest;
                     counted |= stack.y << 8u * x;
                     measured |= (stack.x != 0u ? 1u : 0u) << row * 8u + side * 4u + x;
                 }
                 store_two(derived, first, row * 4u + two * 2u, codes);
+                store_two(derived, list + 1u + IS_WIDE + LIST_LOWEST + (LIST_CODES << IS_WIDE), row * 4u + two * 2u, tops);
             }
             pool_store(derived, list + 1u + IS_WIDE + LIST_COUNTS + row, counted);
         }
-        if (WIDE) {
-            pool_store(derived, list, bounds.x);
-            pool_store(derived, list + 1u, bounds.y);
-        } else pool_store(derived, list, bounds.x | bounds.y << 16u);
+        // What is solid comes with the levels.
+        if (WIDE) pool_store(derived, list + 1u, bounds.y);
+        else pool_store(derived, list, bounds.y << 16u);
+        pool_store(derived, list + 1u + IS_WIDE + LIST_TOP, bounds.x);
     }
     pool_store(derived, west + measured_in_block(IS_WIDE), measured);
-    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, true);
 }

@@ -10,12 +10,15 @@ uint span_words(uint wide) { return wide != 0u ? SPAN_WORDS_WIDE : SPAN_WORDS; }
 // First of the lists, and of the spans.
 uint lists_at(uint wide) { return floats_at(wide) + FLOAT_NODES + (FLOAT_NODE_COUNT << wide); }
 
-// Codes of top and bottom, a word, or two where they are wide; no top: nothing is there.
-uvec2 top_and_bottom(uvec2 place, uint at, uint wide) {
+// Two codes, a word, or two where they are wide: top and bottom of a span; what is solid and the bottom of what floats of a node.
+uvec2 two_codes(uvec2 place, uint at, uint wide) {
     uint word = pool_load(place, at);
     if (wide != 0u) return uvec2(word, pool_load(place, at + 1u));
     return uvec2(word & MOST_NARROW_CODE, word >> 16u);
 }
+
+// What a node has as the bottom of what floats where nothing does.
+uint no_bottom(uint wide) { return wide != 0u ? 0xFFFFFFFFu : MOST_NARROW_CODE; }
 
 // Place of the list of a derived block; 0: nothing floats there.
 uint list_of(uvec2 place, uint block, uint wide) { return pool_load(place, floats_at(wide) + FLOAT_LISTS + block); }
@@ -34,6 +37,13 @@ uint mean_at(uint level, uvec2 node, uint wide) {
 uint bytes_together(uint four) {
     uint pairs = (four & 0x00FF00FFu) + (four >> 8u & 0x00FF00FFu);
     return (pairs & 0xFFFFu) + (pairs >> 16u);
+}
+
+// Code of the highest thing that floats in column `inner` of a block.
+uint float_top(uvec2 place, uint list, uint inner, uint wide) {
+    uint at = list + 1u + wide + LIST_LOWEST + (LIST_CODES << wide) + (inner >> 1u - wide);
+    uint word = pool_load(place, at);
+    return wide != 0u ? word : word >> (inner & 1u) * 16u & MOST_NARROW_CODE;
 }
 
 // Spans of a block: where they start.

@@ -6,7 +6,6 @@
 #include "pool.glsl"
 #include "section.glsl"
 #include "derive.glsl"
-#include "floats.glsl"
 
 layout(local_size_x = PYRAMID_THREADS) in;
 
@@ -24,7 +23,7 @@ void main() {
     uvec4 here = JOB[gl_WorkGroupID.x].near[4];
     uvec2 derived = here.xy;
     uint lane = gl_LocalInvocationID.x;
-    if (pool_load(JOB[gl_WorkGroupID.x].section.xy, HEADER_LISTS) == 0u) return;
+    if (JOB[gl_WorkGroupID.x].lists == 0u) return;
 
     for (uint k = lane; k < 1024u; k += PYRAMID_THREADS) {
         uvec4 four = uvec4(0u);

@@ -45,17 +45,11 @@ bool top_at(inout Here here, inout int shown, int detail, ivec2 column, out floa
     Section section = section_in(here.slot, shown);
     uint code = code_at(section, detail, column);
 #ifdef STACKED
-    while (over && node_floats(here.slot) != 0u) {
-        int at = max(detail, shown);
-        if (at > shown) break;
-        uvec2 inner = uvec2(column) & (SECTION_SIDE - 1u);
-        if (shown > detail) inner = uvec2(column >> shown - detail) & (SECTION_SIDE - 1u);
+    // Columns have what is solid alone, larger nodes both.
+    while (over && node_floats(here.slot) != 0u && detail <= shown) {
+        uvec2 inner = uvec2(column >> shown - detail) & (SECTION_SIDE - 1u);
         uint list = list_of(section.pyramid, block_of(inner), section.wide);
-        if (list == 0u) break;
-        uvec2 spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
-        if (spans.y == 0u) break;
-        uint from = spans_of(section.pyramid, list, section.wide);
-        code = max(code, top_and_bottom(section.pyramid, from + spans.x * span_words(section.wide), section.wide).x);
+        if (list != 0u) code = max(code, float_top(section.pyramid, list, in_block(inner), section.wide));
         break;
     }
 #endif

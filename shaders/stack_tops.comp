@@ -8,7 +8,6 @@
 #include "section.glsl"
 #include "derive.glsl"
 #include "runs.glsl"
-#include "floats.glsl"
 #include "stacks.glsl"
 
 layout(local_size_x = DERIVE_THREADS) in;
@@ -66,7 +65,7 @@ void main() {
     block = place_of(half_block, 0u);
     counts = section.z + (block - FIRST_STACK_BLOCK) / STACK_BLOCK_WORDS * COUNT_WORDS;
     uint west = western_block(half_block, IS_WIDE), number = block != 0u ? place_of(half_block, 4u + upper) : 0u;
-    if (pool_load(place, HEADER_LISTS) != 0u) {
+    if (JOB[job].lists != 0u) {
         uvec2 origin = half_block_origin(half_block);
         uint at = floats_at(IS_WIDE) + FLOAT_LISTS + block_of(origin);
         for (uint side = 0u; side < 2u; side++) pool_store(derived, at + side, number != 0u ? list_at(number, side) : 0u);
@@ -101,5 +100,5 @@ void main() {
     }
     if (number != 0u) return;
     pool_store(derived, west + measured_in_block(IS_WIDE), measured);
-    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, false);
 }

@@ -1,5 +1,5 @@
 // Runs of stacks: by key and slice, each with its lowest point.
-// Needs runs.glsl, floats.glsl.
+// Needs runs.glsl.
 
 uint block, counts, gap, slice, thickness;
 

@@ -77,5 +77,5 @@ void main() {
         store_two(derived, first, inner, codes);
     }
     pool_store(derived, west + measured_in_block(IS_WIDE), measured);
-    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, false);
 }

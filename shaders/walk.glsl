@@ -9,8 +9,7 @@
 //
 // The loops are one function on purpose (docs/performance.md): taken apart they took longer, and lavapipe (Mesa 22.3) and
 // SwiftShader lost hits, it seems where a value of a thread that had left a loop was still computed for it.
-// With STACKED, spans that float are looked for, too: a node is gone down into where the ray's heights in it meet those of what
-// floats in it.
+// With STACKED, spans that float are looked for, too.
 // Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl; STACKED: floats.glsl.
 
 // Inverse of a step that is none.
@@ -169,10 +168,11 @@ Hit trace(Ray ray, float start, int level) {
             int highest = height_of(section, code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
 #ifdef STACKED
-            // A section that nothing floats in ends this at once.
-            while (floats && (t_exit > t || touches)) {
-                int at = max(level, detail), coarse = at - detail;
-                uvec2 inner = uvec2((node ^ flip) >> at - level) & (SECTION_SIDE >> coarse) - 1u;
+            // Above columns codes are of what floats, too: there is nothing where the ray is above what is solid and below what
+            // floats. A section that nothing floats in ends this at once.
+            while (floats && (down && level != finest || level == finest && (t_exit > t || touches))) {
+                int coarse = max(level, detail) - detail;
+                uvec2 inner = uvec2((node ^ flip) >> max(level, detail) - level) & (SECTION_SIDE >> coarse) - 1u;
                 uint list = 0u, place = 0u;
                 if (coarse > 2) place = float_node_at(uint(coarse), inner, section.wide);
                 else {
@@ -180,20 +180,20 @@ Hit trace(Ray ray, float start, int level) {
                     list = place = list_of(section.pyramid, block.y << DERIVED_BLOCKS_LOG2 | block.x, section.wide);
                     if (list == 0u) break;
                 }
-                uvec2 ends = top_and_bottom(section.pyramid, place, section.wide);
                 float z = fma(t, walk.dz, walk.z0), z_exit = fma(t_exit, walk.dz, walk.z0);
-                if (ends.x == 0u || min(z, z_exit) > float(height_of(section, ends.x))
-                    || max(z, z_exit) < float(height_of(section, ends.y))) break;
+                uvec2 ends = two_codes(section.pyramid, place, section.wide);
+                bool meets = ends.y != no_bottom(section.wide) && max(z, z_exit) >= float(height_of(section, ends.y));
                 if (level != finest) {
-                    down = true;
+                    down = meets || ends.x != 0u && min(z, z_exit) <= float(height_of(section, ends.x));
                     break;
                 }
+                if (!meets) break;
                 // The first contact, of several at once that of the larger record, which comes first.
                 float first_contact = !down ? FAR : z <= float(highest) ? t : t_of(walk, ray, t, t_exit, highest);
                 uvec2 spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
                 uint from = spans_of(section.pyramid, list, section.wide);
                 for (uint k = 0u; k < spans.y; k++) {
-                    uvec2 one = top_and_bottom(section.pyramid, from + (spans.x + k) * span_words(section.wide), section.wide);
+                    uvec2 one = two_codes(section.pyramid, from + (spans.x + k) * span_words(section.wide), section.wide);
                     int span_top = height_of(section, one.x), span_bottom = height_of(section, one.y);
                     float t_contact = contact(walk, ray, t, t_exit, span_bottom, span_top);
                     if (t_contact < first_contact || t_contact == first_contact && t_contact != FAR && span == 0u) {

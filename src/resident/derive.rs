@@ -94,11 +94,11 @@ enum Pass {
     Tops,
     StackTops,
     Floaters,
-    FloatNodes,
     Means,
     Bridge,
     Fill,
     Pyramid,
+    FloatNodes,
 }
 
 /// Where nothing is bridged, the first pass writes the lower levels too.
@@ -131,16 +131,6 @@ const PASSES: [PassDeclaration; 8] = [
         reads: &[Plane::Runs, Plane::Lowest],
         writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels, Plane::Spans],
         grain: Grain::HalfBlock,
-        of: Of::Stacks,
-    },
-    PassDeclaration {
-        name: "float nodes",
-        by_address: shaders::FLOAT_NODES,
-        by_buffer: shaders::FLOAT_NODES_SSBO,
-        reach: 0,
-        reads: &[Plane::Lowest, Plane::Spans],
-        writes: &[Plane::FloatNodes],
-        grain: Grain::Section,
         of: Of::Stacks,
     },
     PassDeclaration {
@@ -183,6 +173,16 @@ const PASSES: [PassDeclaration; 8] = [
         grain: Grain::Section,
         of: Of::Both,
     },
+    PassDeclaration {
+        name: "float nodes",
+        by_address: shaders::FLOAT_NODES,
+        by_buffer: shaders::FLOAT_NODES_SSBO,
+        reach: 0,
+        reads: &[Plane::Lowest, Plane::Spans, Plane::LowerLevels],
+        writes: &[Plane::FloatNodes],
+        grain: Grain::Section,
+        of: Of::Stacks,
+    },
 ];
 
 /// Specialization constants of a pass: wide heights, every run is visible, bridges follow.
@@ -193,11 +193,11 @@ impl Pass {
         Pass::Tops,
         Pass::StackTops,
         Pass::Floaters,
-        Pass::FloatNodes,
         Pass::Means,
         Pass::Bridge,
         Pass::Fill,
         Pass::Pyramid,
+        Pass::FloatNodes,
     ];
 
     fn declared(self) -> &'static PassDeclaration {
@@ -327,8 +327,9 @@ pub struct Task {
     pub steepest: u32,
     /// Height steps within which runs are as high as each other, and one is shown whose class tells more; 0: none is.
     pub tie: u32,
-    /// Of stacks: log2 height steps of a slice, and those that what floats reaches down below its points.
-    pub stacks: Option<[u32; 2]>,
+    /// Of stacks: log2 height steps of a slice, those that what floats reaches down below its points, and in how many half
+    /// blocks anything may.
+    pub stacks: Option<[u32; 3]>,
     /// Codes take 32 bits.
     pub wide: bool,
     /// Every run is visible.
@@ -350,14 +351,15 @@ struct Job {
     tie: u32,
     slice: u32,
     thickness: u32,
-    spare: [u32; 2],
+    lists: u32,
+    spare: u32,
 }
 
 impl Task {
     fn job(&self, [first, area]: [[u32; 2]; 2]) -> Job {
         let word = |[east, north]: [u32; 2]| east | north << 16;
         let Task { section, near, steepest, tie, .. } = *self;
-        let [slice, thickness] = self.stacks.unwrap_or_default();
+        let [slice, thickness, lists] = self.stacks.unwrap_or_default();
         Job {
             section,
             near,
@@ -367,7 +369,8 @@ impl Task {
             tie,
             slice,
             thickness,
-            spare: [0; 2],
+            lists,
+            spare: 0,
         }
     }
 
@@ -621,7 +624,7 @@ mod tests {
             let pass = [(*name, *by_address), (*name, *by_buffer)];
             assert_in(
                 &pass,
-                &members!(Job { section, near, steepest, first, area, tie, slice, thickness, spare }),
+                &members!(Job { section, near, steepest, first, area, tie, slice, thickness, lists, spare }),
             );
             // Others follow from what the mask has left.
             if matches!(*name, "tops" | "stack tops" | "floaters" | "bridge") {

@@ -416,9 +416,9 @@ impl Scene {
             section: [x, y, counts, others],
             near,
             // Gaps steeper than 45° are edges.
-            stacks: version.layout.floats.map(|_| {
+            stacks: version.layout.floats.map(|floats| {
                 let stacking = self.grid.stacking(key.section.level);
-                [stacking.slice_log2, stacking.thickness as u32]
+                [stacking.slice_log2, stacking.thickness as u32, floats.lists]
             }),
             steepest: self.grid.cell_steps(key.section.level).clamp(1.0, STEEPEST) as u32,
             tie: if has_ties { tie_steps(&self.grid) } else { 0 },

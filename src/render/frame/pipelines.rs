@@ -118,19 +118,18 @@ fn passes(access: Access, options: PassOptions) -> [PipelineDesc; 4] {
     ]
 }
 
-/// Trace and shade where things float. Beams know nothing of what floats: rays start at the eye.
+/// Trace and shade where things float.
 fn floating(access: Access, options: PassOptions) -> [PipelineDesc; 2] {
     let [x, y] = options.group;
     let shared = vec![(ID_GROUP_X, x), (ID_GROUP_Y, y), (ID_DEALT, u32::from(options.dealt))];
-    let trace = [shared.clone(), vec![(ID_BEAMED, 0)]].concat();
+    let trace = [shared.clone(), vec![(ID_BEAMED, u32::from(options.beams))]].concat();
     [TRACE_FLOATS.desc("trace", access, trace), SHADE_FLOATS.desc("shade", access, shared)]
 }
 
 impl Exact {
     fn desc(self, access: Access, options: PassOptions) -> PipelineDesc {
         let Exact { ramped, screen, floats } = self;
-        let PassOptions { group, dealt, .. } = options;
-        let beams = options.beams && !floats;
+        let PassOptions { group, dealt, beams, .. } = options;
         let flags = [(ID_RAMPED, ramped), (ID_SCREEN, screen), (ID_DEALT, dealt), (ID_BEAMED, beams)];
         let flags = flags.map(|(id, on)| (id, u32::from(on)));
         let shaders = if floats { &EXACT_FLOATS } else { &EXACT };
@@ -230,7 +229,7 @@ impl FramePipelines {
         let (tiles, pixels) = (|side| groups(self.options.beam_group, side), groups(self.options.group, 1));
         let mut passes = vec![];
         let mut add = |name, pipeline, groups| passes.push(FramePass { name, pipeline, groups });
-        if view.traversal == Traversal::Fast && self.options.beams && !has_beams && !floats {
+        if view.traversal == Traversal::Fast && self.options.beams && !has_beams {
             add("wide beams", self.wide_beams.clone(), tiles(WIDE_TILE));
             add("beams", self.beams.clone(), tiles(TILE));
         }
