@@ -130,7 +130,8 @@ group! { payload:
     /// log2 of the steps that a low may count.
     LOW_BITS = 16;
 
-    /// log2 of the side in columns of a block of what is derived.
+    /// log2 of the side in columns of a block of what is derived. Where things float, its columns' codes are of the highest thing,
+    /// solid or not.
     DERIVED_BLOCK_LOG2 = 2;
     /// log2 of such blocks on a section's side.
     DERIVED_BLOCKS_LOG2 = SECTION_LOG2 - DERIVED_BLOCK_LOG2;
@@ -160,9 +161,9 @@ group! { payload:
     /// Nodes of those levels, and some for lists to be cache lines.
     FLOAT_NODE_COUNT = (codes_of_levels(3, SECTION_LOG2) + 15) & !15;
     /// Words of a block's list: the same as of a node, then what follows.
-    LIST_WORDS = 24;
+    LIST_WORDS = 32;
     /// The same where codes are wide.
-    LIST_WORDS_WIDE = 40;
+    LIST_WORDS_WIDE = 56;
     /// Word of a list, behind what it has as a node: code of the highest thing that floats; 0: nothing does.
     LIST_TOP = 0;
     /// Where spans start, words from the start of what is derived.
@@ -171,8 +172,8 @@ group! { payload:
     LIST_COUNTS = 2;
     /// Code of the lowest point of each column.
     LIST_LOWEST = 6;
-    /// Words of such codes, twice as many where they are wide; behind them, as many, those of the highest thing that floats in
-    /// each column.
+    /// Words of such codes, twice as many where they are wide; behind them, as many each, those of the highest thing that floats in
+    /// each column, and of what is solid.
     LIST_CODES = 8;
     /// Words of a span: codes of its top and bottom, a word, or two where they are wide, and what it shows.
     SPAN_WORDS = 2;

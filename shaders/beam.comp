@@ -20,7 +20,7 @@ layout(constant_id = ID_BEFORE) const uint BEFORE = 0u;
 const float NOTHING = -3e38;
 
 // Highest thing in node `index` of `level`; NOTHING where there is none.
-float top_of(inout Here here, inout Section section, inout int floats, int level, ivec2 index) {
+float top_of(inout Here here, inout Section section, int level, ivec2 index) {
     if (here.slot == NO_NODE || level >= here.level || !is_in(here, level, index)) {
         int at;
         uint top;
@@ -33,11 +33,8 @@ float top_of(inout Here here, inout Section section, inout int floats, int level
         here.node = index >> at - level;
         here.level = at;
         section = section_in(here.slot, detail_of(here.slot));
-        floats = int(node_floats(here.slot));
     }
-    // Codes of columns leave out what floats.
-    int at = max(level, section.detail + floats);
-    uint code = code_at(section, at, index >> at - level);
+    uint code = code_at(section, level, index);
     return code == 0u ? NOTHING : float(height_of(section, code));
 }
 
@@ -87,7 +84,6 @@ void main() {
     Here here;
     here.slot = NO_NODE;
     Section section;
-    int floats = 0;
     bool gone = s > FAR;
     for (int step = 0; step < 96 && !gone; step++) {
         log_step();
@@ -126,8 +122,8 @@ void main() {
         bool outside = any(greaterThanEqual(corner_low, high)) || any(lessThanEqual(corner_high, low));
         bool clear = outside;
         if (!outside && level <= frame.top_level) {
-            float top = max(max(top_of(here, section, floats, level, first), top_of(here, section, floats, level, first + ivec2(1, 0))),
-                            max(top_of(here, section, floats, level, first + ivec2(0, 1)), top_of(here, section, floats, level, first + ivec2(1, 1))));
+            float top = max(max(top_of(here, section, level, first), top_of(here, section, level, first + ivec2(1, 0))),
+                            max(top_of(here, section, level, first + ivec2(0, 1)), top_of(here, section, level, first + ivec2(1, 1))));
             clear = lowest > top;
         }
         if (clear) {

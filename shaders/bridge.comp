@@ -16,7 +16,7 @@
 
 layout(local_size_x = DERIVE_THREADS) in;
 
-// The section, and those that the half block may reach into.
+// The section, and those that the half block may reach into. The last word: 1 for wide codes, 2 where things may float.
 uvec4 here, beside, above, across;
 
 uvec4 section_of(bool x, bool y) { return mix(mix(here, beside, bvec4(x)), mix(above, across, bvec4(x)), bvec4(y)); }
@@ -27,7 +27,7 @@ uint measured(ivec2 half_block) {
     uvec2 at = uvec2(half_block) & uvec2(31u, 63u);
     uint columns = 0u;
     if (section.xy != uvec2(0u))
-        columns = pool_load(section.xy, (at.y << DERIVED_BLOCKS_LOG2 | at.x * 2u) * block_words(section.w) + measured_in_block(section.w));
+        columns = pool_load(section.xy, (at.y << DERIVED_BLOCKS_LOG2 | at.x * 2u) * block_words(section.w & 1u) + measured_in_block(section.w & 1u));
     return columns;
 }
 
@@ -35,7 +35,9 @@ uint measured(ivec2 half_block) {
 int height_at(ivec2 column) {
     uvec4 section = section_of(uint(column.x) > SECTION_SIDE - 1u, uint(column.y) > SECTION_SIDE - 1u);
     uvec2 at = uvec2(column) & (SECTION_SIDE - 1u);
-    return int(section.z) + int(pyramid_code(section.xy, 0u, at, section.w));
+    uint wide = section.w & 1u;
+    uint code = (section.w & 2u) != 0u ? solid_code(section.xy, at, wide) : pyramid_code(section.xy, 0u, at, wide);
+    return int(section.z) + int(code);
 }
 
 // Columns x - 4 to x + 4 of a row, from a byte of three half blocks side by side.
@@ -124,17 +126,13 @@ void main() {
         uint code = bridged ? uint(max(height - int(here.z), 1)) : 0u;
         if (!WIDE) code = min(code, MOST_NARROW_CODE);
         uint first = west + (x >> 2u) * block_words(IS_WIDE), inner = in_block(uvec2(column));
-        if (WIDE) pool_store(derived, first + inner, code);
-        else {
-            uint word = pool_load(derived, first + inner / 2u);
-            word = (inner & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u;
-            pool_store(derived, first + inner / 2u, word);
-        }
+        uint list = JOB[job].lists != 0u ? list_of(derived, block_of(uvec2(column)), IS_WIDE) : 0u;
+        store_solid(derived, first, list, inner, code);
         uint shows = 0u;
         if (bridged) {
             ivec2 from = column + source;
             uvec4 section = section_of(uint(from.x) > SECTION_SIDE - 1u, uint(from.y) > SECTION_SIDE - 1u);
-            shows = shown_of(section.xy, uvec2(from) & (SECTION_SIDE - 1u), section.w);
+            shows = shown_of(section.xy, uvec2(from) & (SECTION_SIDE - 1u), section.w & 1u);
         }
         pool_store(derived, first + shown_in_block(IS_WIDE) + inner, shows);
     }

@@ -6,7 +6,7 @@
 struct Job {
     uvec4 section; // its place; where counts and further runs start
     uvec4 near[9]; // derived parts of the 3x3 sections around, row by row from the south-west, [4] its own:
-                   // where it starts (0: no section), base, 1 for wide codes
+                   // where it starts (0: no section), base, 1 for wide codes + 2 where things may float
     uint steepest; // a gap between ends that differ by more than this a cell is no slope but an edge, lattice steps
     uint first;    // half blocks that are to be derived: the first, and how many, east in the lower half, north in the
     uint area;     // upper one
@@ -84,29 +84,50 @@ bool half_block_of(uint thread, uint first, uint area, out uint half_block) {
     return thread < size.x * size.y;
 }
 
-// Levels 1 and 2 of a half block, from its level 0, whose first word is `west`. Where its blocks have lists, nodes are as high as
-// what floats in the block, and the list says how high what is solid is.
+// Stores what is solid of a column of a derived block, whose first word is `first`: in its list, if there is one, and then level 0 is
+// as high as what floats there, too.
+void store_solid(uvec2 derived, uint first, uint list, uint inner, uint code) {
+    if (list != 0u) {
+        uint at = codes_at(list, OF_SOLID, IS_WIDE) + (inner >> 1u - IS_WIDE);
+        if (WIDE) pool_store(derived, at, code);
+        else {
+            uint word = pool_load(derived, at);
+            pool_store(derived, at, (inner & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u);
+        }
+        code = max(code, code_in(derived, list, OF_FLOATS, inner, IS_WIDE));
+    }
+    if (WIDE) pool_store(derived, first + inner, code);
+    else {
+        uint word = pool_load(derived, first + inner / 2u);
+        word = (inner & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u;
+        pool_store(derived, first + inner / 2u, word);
+    }
+}
+
+// Levels 1 and 2 of a half block, from its level 0, whose first word is `west`; where its blocks have lists, these say how high what is
+// solid is.
 void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool has_lists) {
     uvec2 level_2 = uvec2(0u);
-    uvec2 node = half_block_origin(half_block) >> 2u;
-    for (uint side = 0u; side < 2u; side++) {
-        uint first = west + side * block_words(IS_WIDE), list = 0u, floats = 0u;
-        if (has_lists) {
-            list = list_of(derived, node.y << DERIVED_BLOCKS_LOG2 | node.x + side, IS_WIDE);
-            if (list != 0u) floats = pool_load(derived, list + 1u + IS_WIDE + LIST_TOP);
-        }
-        for (uint pair = 0u; pair < 2u; pair++) {
-            uint row = pair * 8u;
+    for (uint pair = 0u; pair < 2u; pair++) {
+        for (uint side = 0u; side < 2u; side++) {
+            uint first = west + side * block_words(IS_WIDE), row = pair * 8u;
             uvec4 columns = max(load_four(derived, first, row), load_four(derived, first, row + 4u));
             uvec2 nodes = max(columns.xz, columns.yw);
+            store_two(derived, first, LEVEL_1 + pair * 2u, nodes);
             level_2[side] = max(level_2[side], max(nodes.x, nodes.y));
-            store_two(derived, first, LEVEL_1 + pair * 2u, max(nodes, uvec2(floats)));
-        }
-        if (list != 0u) {
-            if (WIDE) pool_store(derived, list, level_2[side]);
-            else pool_store(derived, list, pool_load(derived, list) & 0xFFFF0000u | level_2[side]);
-            level_2[side] = max(level_2[side], floats);
         }
     }
+    uvec2 node = half_block_origin(half_block) >> 2u;
     store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << DERIVED_BLOCKS_LOG2 | node.x), level_2);
+    for (uint side = 0u; has_lists && side < 2u; side++) {
+        uint list = list_of(derived, node.y << DERIVED_BLOCKS_LOG2 | node.x + side, IS_WIDE);
+        if (list == 0u) continue;
+        uint solid = 0u;
+        for (uint inner = 0u; inner < 16u; inner += 4u) {
+            uvec4 codes = load_four(derived, codes_at(list, OF_SOLID, IS_WIDE), inner);
+            solid = max(solid, max(max(codes.x, codes.y), max(codes.z, codes.w)));
+        }
+        if (WIDE) pool_store(derived, list, solid);
+        else pool_store(derived, list, pool_load(derived, list) & 0xFFFF0000u | solid);
+    }
 }

@@ -87,20 +87,19 @@ void main() {
     for (uint side = 0u; side < 2u; side++) {
         uint first = west + side * block_words(IS_WIDE);
         if (!is_under(ivec2(origin >> 2u) + ivec2(side, 0))) continue;
-        for (uint inner = 0u; inner < 16u; inner += 2u) {
-            uvec2 codes = load_two(derived, first, inner);
-            for (uint k = 0u; k < 2u; k++) {
-                if (codes[k] != 0u) continue;
-                uvec2 column = origin + uvec2(side * 4u + (inner & 3u) + k, inner >> 2u), nearest;
-                for (uint level = 2u; level <= MEANS_LEVEL && codes[k] == 0u; level++) {
-                    codes[k] = between(column, level, nearest);
-                    if (codes[k] == 0u) continue;
-                    filled = true;
-                    uint shows = shown_of(derived, measured_in(nearest, level), IS_WIDE);
-                    pool_store(derived, first + shown_in_block(IS_WIDE) + inner + k, shows);
-                }
+        uint list = list_of(derived, block_of(origin) + side, IS_WIDE);
+        for (uint inner = 0u; inner < 16u; inner++) {
+            uvec2 column = origin + uvec2(side * 4u + (inner & 3u), inner >> 2u), nearest;
+            uint code = solid_code(derived, column, IS_WIDE);
+            if (code != 0u) continue;
+            for (uint level = 2u; level <= MEANS_LEVEL && code == 0u; level++) {
+                code = between(column, level, nearest);
+                if (code == 0u) continue;
+                filled = true;
+                uint shows = shown_of(derived, measured_in(nearest, level), IS_WIDE);
+                pool_store(derived, first + shown_in_block(IS_WIDE) + inner, shows);
+                store_solid(derived, first, list, inner, code);
             }
-            store_two(derived, first, inner, codes);
         }
     }
     if (filled) store_levels_1_and_2(derived, half_block, west, true);

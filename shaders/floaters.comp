@@ -29,8 +29,7 @@ bool is_over_lower(ivec2 column, int lowest) {
         if (any(notEqual(near & int(SECTION_SIDE - 1u), near))) continue;
         uint list = list_of(derived, block_of(uvec2(near)), IS_WIDE);
         if (list == 0u) continue;
-        uint inner = in_block(uvec2(near)), at = list + 1u + IS_WIDE + LIST_LOWEST;
-        uint there = load_two(derived, at, inner & ~1u)[inner & 1u];
+        uint there = code_in(derived, list, OF_LOWEST, in_block(uvec2(near)), IS_WIDE);
         if (there != 0u && int(there) < lowest - int(gap)) lower++;
     }
     return lower >= LEAST_LOWER;
@@ -153,8 +152,10 @@ void main() {
                     counted |= stack.y << 8u * x;
                     measured |= (stack.x != 0u ? 1u : 0u) << row * 8u + side * 4u + x;
                 }
-                store_two(derived, first, row * 4u + two * 2u, codes);
-                store_two(derived, list + 1u + IS_WIDE + LIST_LOWEST + (LIST_CODES << IS_WIDE), row * 4u + two * 2u, tops);
+                uint inner = row * 4u + two * 2u;
+                store_two(derived, first, inner, max(codes, tops));
+                store_two(derived, codes_at(list, OF_FLOATS, IS_WIDE), inner, tops);
+                store_two(derived, codes_at(list, OF_SOLID, IS_WIDE), inner, codes);
             }
             pool_store(derived, list + 1u + IS_WIDE + LIST_COUNTS + row, counted);
         }

@@ -39,11 +39,20 @@ uint bytes_together(uint four) {
     return (pairs & 0xFFFFu) + (pairs >> 16u);
 }
 
-// Code of the highest thing that floats in column `inner` of a block.
-uint float_top(uvec2 place, uint list, uint inner, uint wide) {
-    uint at = list + 1u + wide + LIST_LOWEST + (LIST_CODES << wide) + (inner >> 1u - wide);
-    uint word = pool_load(place, at);
+// Codes of the columns of a block, by what they are: where the first lies, and that of column `inner`.
+const uint OF_LOWEST = 0u;
+const uint OF_FLOATS = 1u;
+const uint OF_SOLID = 2u;
+uint codes_at(uint list, uint what, uint wide) { return list + 1u + wide + LIST_LOWEST + what * (LIST_CODES << wide); }
+uint code_in(uvec2 place, uint list, uint what, uint inner, uint wide) {
+    uint word = pool_load(place, codes_at(list, what, wide) + (inner >> 1u - wide));
     return wide != 0u ? word : word >> (inner & 1u) * 16u & MOST_NARROW_CODE;
+}
+
+// Code of what is solid of a column of a section in which things may float.
+uint solid_code(uvec2 place, uvec2 column, uint wide) {
+    uint list = list_of(place, block_of(column), wide);
+    return list != 0u ? code_in(place, list, OF_SOLID, in_block(column), wide) : pyramid_code(place, 0u, column, wide);
 }
 
 // Spans of a block: where they start.

@@ -1,6 +1,6 @@
 // Mean heights of what is solid and measured, in nodes of levels 2 to 5: what fill.comp fills holes from (the pull of push-pull:
 // Gortler et al. 1996, section 3.4.2).
-// Reads the measured bits and level 0 of the pyramid. One workgroup of 256 threads a section; x is the job.
+// Reads the measured bits, level 0 of the pyramid, lists. One workgroup of 256 threads a section; x is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "pool.glsl"
@@ -29,9 +29,11 @@ void main() {
         uvec4 four = uvec4(0u);
         for (uint n = 0u; n < 4u; n++) {
             uvec2 node = uvec2((k & 31u) * 2u + (n & 1u), (k >> 5u) * 2u + (n >> 1u));
+            uint block = node.y << DERIVED_BLOCKS_LOG2 | node.x, list = list_of(derived, block, IS_WIDE);
+            uint from = list != 0u ? codes_at(list, OF_SOLID, IS_WIDE) : block * block_words(IS_WIDE);
             uvec4 rows = uvec4(0u);
             for (uint row = 0u; row < 4u; row++) {
-                uvec4 codes = load_four(derived, (node.y << DERIVED_BLOCKS_LOG2 | node.x) * block_words(IS_WIDE), row * 4u);
+                uvec4 codes = load_four(derived, from, row * 4u);
                 for (uint x = 0u; x < 4u; x++)
                     if (!is_measured(derived, node * 4u + uvec2(x, row), IS_WIDE)) codes[x] = 0u;
                 rows[row] = mean_of(codes);

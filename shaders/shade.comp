@@ -45,13 +45,9 @@ bool top_at(inout Here here, inout int shown, int detail, ivec2 column, out floa
     Section section = section_in(here.slot, shown);
     uint code = code_at(section, detail, column);
 #ifdef STACKED
-    // Columns have what is solid alone, larger nodes both.
-    while (over && node_floats(here.slot) != 0u && detail <= shown) {
-        uvec2 inner = uvec2(column >> shown - detail) & (SECTION_SIDE - 1u);
-        uint list = list_of(section.pyramid, block_of(inner), section.wide);
-        if (list != 0u) code = max(code, float_top(section.pyramid, list, in_block(inner), section.wide));
-        break;
-    }
+    // Of what floats, too, where that is looked at.
+    if (!over && code != 0u && detail <= shown && node_floats(here.slot) != 0u)
+        code = solid_code(section.pyramid, uvec2(column >> shown - detail) & (SECTION_SIDE - 1u), section.wide);
 #endif
     top = float(height_of(section, code));
     return code != 0u;

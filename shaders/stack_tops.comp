@@ -96,7 +96,7 @@ void main() {
             }
         }
         if (number == 0u) store_two(derived, first, inner, codes);
-        else store_two(derived, list_at(number, side) + 1u + IS_WIDE + LIST_LOWEST, inner, codes);
+        else store_two(derived, codes_at(list_at(number, side), OF_LOWEST, IS_WIDE), inner, codes);
     }
     if (number != 0u) return;
     pool_store(derived, west + measured_in_block(IS_WIDE), measured);

@@ -157,6 +157,12 @@ Hit trace(Ray ray, float start, int level) {
         Section section = section_in(hit.slot, detail);
 #ifdef STACKED
         bool floats = node_floats(hit.slot) != 0u;
+        // A node that is to be looked at for what floats in it is left to the end of this loop, so that steps stay short: `highest_here`
+        // is what its code says. Then either it is gone down into, or hit, or passed as clear.
+        bool clear = false;
+        while (true) {
+        bool look = false;
+        int highest_here = 0;
 #endif
         while (true) {
             hit.steps++;
@@ -168,44 +174,13 @@ Hit trace(Ray ray, float start, int level) {
             int highest = height_of(section, code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
 #ifdef STACKED
-            // Above columns codes are of what floats, too: there is nothing where the ray is above what is solid and below what
-            // floats. A section that nothing floats in ends this at once.
-            while (floats && (down && level != finest || level == finest && (t_exit > t || touches))) {
-                int coarse = max(level, detail) - detail;
-                uvec2 inner = uvec2((node ^ flip) >> max(level, detail) - level) & (SECTION_SIDE >> coarse) - 1u;
-                uint list = 0u, place = 0u;
-                if (coarse > 2) place = float_node_at(uint(coarse), inner, section.wide);
-                else {
-                    uvec2 block = inner >> uint(2 - coarse);
-                    list = place = list_of(section.pyramid, block.y << DERIVED_BLOCKS_LOG2 | block.x, section.wide);
-                    if (list == 0u) break;
-                }
-                float z = fma(t, walk.dz, walk.z0), z_exit = fma(t_exit, walk.dz, walk.z0);
-                uvec2 ends = two_codes(section.pyramid, place, section.wide);
-                bool meets = ends.y != no_bottom(section.wide) && max(z, z_exit) >= float(height_of(section, ends.y));
-                if (level != finest) {
-                    down = meets || ends.x != 0u && min(z, z_exit) <= float(height_of(section, ends.x));
-                    break;
-                }
-                if (!meets) break;
-                // The first contact, of several at once that of the larger record, which comes first.
-                float first_contact = !down ? FAR : z <= float(highest) ? t : t_of(walk, ray, t, t_exit, highest);
-                uvec2 spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
-                uint from = spans_of(section.pyramid, list, section.wide);
-                for (uint k = 0u; k < spans.y; k++) {
-                    uvec2 one = two_codes(section.pyramid, from + (spans.x + k) * span_words(section.wide), section.wide);
-                    int span_top = height_of(section, one.x), span_bottom = height_of(section, one.y);
-                    float t_contact = contact(walk, ray, t, t_exit, span_bottom, span_top);
-                    if (t_contact < first_contact || t_contact == first_contact && t_contact != FAR && span == 0u) {
-                        first_contact = t_contact;
-                        span = spans.x + k + 1u;
-                        bottom = span_bottom;
-                        highest = span_top;
-                        down = true;
-                    }
-                }
+            if (down && !clear && floats && (level == finest || level - detail == 2)) {
+                look = true;
+                highest_here = highest;
                 break;
             }
+            down = down && !clear;
+            clear = false;
 #endif
             if (down && level == finest) {
                 found = true;
@@ -229,6 +204,56 @@ Hit trace(Ray ray, float start, int level) {
                 node >>= up;
             }
         }
+#ifdef STACKED
+        if (!look) break;
+        uvec2 inner = uvec2((node ^ flip) >> max(detail - level, 0)) & (SECTION_SIDE >> max(level - detail, 0)) - 1u;
+        uvec2 block = level == finest ? inner >> 2u : inner;
+        uint list = list_of(section.pyramid, block.y << DERIVED_BLOCKS_LOG2 | block.x, section.wide);
+        float z = fma(t, walk.dz, walk.z0), z_exit = fma(t_exit, walk.dz, walk.z0);
+        bool solid = true;
+        uint spans_here = 0u;
+        if (list != 0u) {
+            uvec2 ends = two_codes(section.pyramid, list, section.wide);
+            bool meets = ends.y != no_bottom(section.wide) && max(z, z_exit) >= float(height_of(section, ends.y));
+            uint of_solid = ends.x;
+            if (level == finest) of_solid = code_in(section.pyramid, list, OF_SOLID, in_block(inner), section.wide);
+            if (level == finest) highest_here = height_of(section, of_solid);
+            solid = of_solid != 0u && min(z, z_exit) <= float(height_of(section, of_solid));
+            if (meets) spans_here = 1u;
+        }
+        if (level != finest) {
+            if (solid || spans_here != 0u) {
+                level--;
+                node = node * 2 + past(walk, (node * 2 + 1) << level, t);
+            } else clear = true;
+            continue;
+        }
+        // The first contact, of several at once that of the larger record, which comes first.
+        float first_contact = !solid ? FAR : z <= float(highest_here) ? t : t_of(walk, ray, t, t_exit, highest_here);
+        uvec2 spans = uvec2(0u);
+        if (spans_here != 0u) spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
+        uint from = 0u;
+        if (spans.y != 0u) from = spans_of(section.pyramid, list, section.wide);
+        for (uint k = 0u; k < spans.y; k++) {
+            uvec2 one = two_codes(section.pyramid, from + (spans.x + k) * span_words(section.wide), section.wide);
+            int span_top = height_of(section, one.x), span_bottom = height_of(section, one.y);
+            float t_contact = contact(walk, ray, t, t_exit, span_bottom, span_top);
+            if (t_contact < first_contact || t_contact == first_contact && t_contact != FAR && span == 0u) {
+                first_contact = t_contact;
+                span = spans.x + k + 1u;
+                bottom = span_bottom;
+                highest_here = span_top;
+            }
+        }
+        if (first_contact != FAR) {
+            found = true;
+            top = highest_here;
+            t_end = t_exit;
+            break;
+        }
+        clear = true;
+        }
+#endif
         if (found || done) break;
         // The level stays as it is: what is near the ray here is near it there. What has climbed to the section's
         // own size goes on in the table, which skips more.

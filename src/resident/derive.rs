@@ -321,7 +321,8 @@ impl Changed {
 pub struct Task {
     /// Where what was uploaded lies, and where its counts and further runs start, words.
     pub section: [u32; 4],
-    /// What is derived of it and of its neighbours: place (0: not there), base, 1 for wide codes; its own is the fifth.
+    /// What is derived of it and of its neighbours: place (0: not there), base, 1 for wide codes and 2 where things may
+    /// float; its own is the fifth.
     pub near: [[u32; 4]; 9],
     /// Height steps a cell beyond which a gap is an edge.
     pub steepest: u32,

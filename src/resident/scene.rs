@@ -402,7 +402,8 @@ impl Scene {
         };
         let derived = |v: &Version| {
             let [x, y] = pool.place(&v.slots.derived, 0);
-            [x, y, v.layout.code.base as u32, v.layout.code.wide.into()]
+            let floats = v.layout.floats.is_some_and(|floats| floats.spans > 0);
+            [x, y, v.layout.code.base as u32, u32::from(v.layout.code.wide) | u32::from(floats) << 1]
         };
         let mut near = around(key).map(|near| newest(near).map_or([0; 4], derived));
         near[4] = derived(version);
