@@ -104,30 +104,43 @@ void store_solid(uvec2 derived, uint first, uint list, uint inner, uint code) {
     }
 }
 
+// A code of levels 1 and 2 in a section in which things may float: rounded up, its last bit says whether any does in the node.
+uint marked(uint code, bool floats) {
+    if (floats) return code | 1u;
+    return (code & 1u) != 0u && code != (WIDE ? 0xFFFFFFFFu : MOST_NARROW_CODE) ? code + 1u : code;
+}
+
 // Levels 1 and 2 of a half block, from its level 0, whose first word is `west`; where its blocks have lists, these say how high what is
-// solid is.
-void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool has_lists) {
+// solid is. `floats`: something may float in the section.
+void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats) {
     uvec2 level_2 = uvec2(0u);
-    for (uint pair = 0u; pair < 2u; pair++) {
-        for (uint side = 0u; side < 2u; side++) {
-            uint first = west + side * block_words(IS_WIDE), row = pair * 8u;
+    uvec2 node = half_block_origin(half_block) >> 2u;
+    for (uint side = 0u; side < 2u; side++) {
+        uint first = west + side * block_words(IS_WIDE), solid = 0u;
+        uint list = floats ? list_of(derived, node.y << DERIVED_BLOCKS_LOG2 | node.x + side, IS_WIDE) : 0u;
+        bool any = false;
+        for (uint pair = 0u; pair < 2u; pair++) {
+            uint row = pair * 8u;
             uvec4 columns = max(load_four(derived, first, row), load_four(derived, first, row + 4u));
             uvec2 nodes = max(columns.xz, columns.yw);
-            store_two(derived, first, LEVEL_1 + pair * 2u, nodes);
             level_2[side] = max(level_2[side], max(nodes.x, nodes.y));
+            if (floats) {
+                uvec4 over = uvec4(0u);
+                if (list != 0u) {
+                    uint tops = codes_at(list, OF_FLOATS, IS_WIDE), solids = codes_at(list, OF_SOLID, IS_WIDE);
+                    over = load_four(derived, tops, row) | load_four(derived, tops, row + 4u);
+                    uvec4 codes = max(load_four(derived, solids, row), load_four(derived, solids, row + 4u));
+                    solid = max(solid, max(max(codes.x, codes.y), max(codes.z, codes.w)));
+                }
+                nodes = uvec2(marked(nodes.x, (over.x | over.y) != 0u), marked(nodes.y, (over.z | over.w) != 0u));
+                any = any || over != uvec4(0u);
+            }
+            store_two(derived, first, LEVEL_1 + pair * 2u, nodes);
         }
-    }
-    uvec2 node = half_block_origin(half_block) >> 2u;
-    store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << DERIVED_BLOCKS_LOG2 | node.x), level_2);
-    for (uint side = 0u; has_lists && side < 2u; side++) {
-        uint list = list_of(derived, node.y << DERIVED_BLOCKS_LOG2 | node.x + side, IS_WIDE);
+        if (floats) level_2[side] = marked(level_2[side], any);
         if (list == 0u) continue;
-        uint solid = 0u;
-        for (uint inner = 0u; inner < 16u; inner += 4u) {
-            uvec4 codes = load_four(derived, codes_at(list, OF_SOLID, IS_WIDE), inner);
-            solid = max(solid, max(max(codes.x, codes.y), max(codes.z, codes.w)));
-        }
         if (WIDE) pool_store(derived, list, solid);
         else pool_store(derived, list, pool_load(derived, list) & 0xFFFF0000u | solid);
     }
+    store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << DERIVED_BLOCKS_LOG2 | node.x), level_2);
 }

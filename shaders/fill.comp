@@ -102,5 +102,5 @@ void main() {
             }
         }
     }
-    if (filled) store_levels_1_and_2(derived, half_block, west, true);
+    if (filled) store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u);
 }

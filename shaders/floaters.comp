@@ -165,5 +165,5 @@ void main() {
         pool_store(derived, list + 1u + IS_WIDE + LIST_TOP, bounds.x);
     }
     pool_store(derived, west + measured_in_block(IS_WIDE), measured);
-    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, true);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u);
 }

@@ -100,5 +100,5 @@ void main() {
     }
     if (number != 0u) return;
     pool_store(derived, west + measured_in_block(IS_WIDE), measured);
-    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, false);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u);
 }

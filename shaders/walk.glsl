@@ -159,7 +159,7 @@ Hit trace(Ray ray, float start, int level) {
         bool floats = node_floats(hit.slot) != 0u;
         // A node that is to be looked at for what floats in it is left to the end of this loop, so that steps stay short: `highest_here`
         // is what its code says. Then either it is gone down into, or hit, or passed as clear.
-        bool clear = false;
+        bool clear = false, near = true; // near: something may float in the last node of level 1 or 2
         while (true) {
         bool look = false;
         int highest_here = 0;
@@ -174,7 +174,8 @@ Hit trace(Ray ray, float start, int level) {
             int highest = height_of(section, code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
 #ifdef STACKED
-            if (down && !clear && floats && (level == finest || level - detail == 2)) {
+            if (level - detail == 1 || level - detail == 2) near = (code & 1u) != 0u;
+            if (down && !clear && floats && near && (level == finest || level - detail == 2)) {
                 look = true;
                 highest_here = highest;
                 break;
