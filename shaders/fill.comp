@@ -1,4 +1,4 @@
-// Fills what is left open of the ground beneath what floats, from the means of nodes around: the finest level that has any beside
+// Fills what is left open of the ground beneath what floats and between it, from the means of nodes around: the finest level that has any beside
 // the column, of the four nearest nodes between them (the push of push-pull); then levels 1 and 2 of the pyramid. Not across the
 // section's border.
 // Reads lists, means, the measured bits and level 0; writes holes of level 0 and of what is shown, and levels 1 and 2. One thread a
@@ -13,18 +13,31 @@ layout(local_size_x = DERIVE_THREADS) in;
 
 uvec2 derived;
 
-// Whether anything floats in a derived block.
-bool has_floats(ivec2 block) {
-    if (any(notEqual(block & int((1u << DERIVED_BLOCKS_LOG2) - 1u), block))) return false;
-    uint list = list_of(derived, uint(block.y) << DERIVED_BLOCKS_LOG2 | uint(block.x), IS_WIDE);
+// Whether anything is measured in a derived block, or floats there; beyond the section's border: yes.
+bool holds_any(ivec2 block) {
+    if (any(notEqual(block & int((1u << DERIVED_BLOCKS_LOG2) - 1u), block))) return true;
+    uint at = uint(block.y) << DERIVED_BLOCKS_LOG2 | uint(block.x);
+    uint bits = pool_load(derived, (at & ~1u) * block_words(IS_WIDE) + measured_in_block(IS_WIDE));
+    if ((bits >> (at & 1u) * 4u & 0x0F0F0F0Fu) != 0u) return true;
+    uint list = list_of(derived, at, IS_WIDE);
     return list != 0u && pool_load(derived, list + 1u + IS_WIDE + LIST_TOP) != 0u;
 }
 
-// Whether something floats in a derived block, or on two sides of it: not beyond the border of what there is.
-bool is_under(ivec2 block) {
-    if (has_floats(block)) return true;
+// Whether there is something on two sides of a derived block, so that it does not lie beyond the border of what there is.
+bool is_among(ivec2 block) {
     const ivec2 axes[4] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1));
-    for (int k = 0; k < 4; k++) if (has_floats(block - axes[k]) && has_floats(block + axes[k])) return true;
+    for (int k = 0; k < 4; k++) if (holds_any(block - axes[k]) && holds_any(block + axes[k])) return true;
+    return false;
+}
+
+// Whether anything floats in the derived blocks around one.
+bool is_under(ivec2 block) {
+    for (int k = 0; k < 9; k++) {
+        ivec2 near = block + ivec2(k % 3, k / 3) - 1;
+        if (any(notEqual(near & int((1u << DERIVED_BLOCKS_LOG2) - 1u), near))) continue;
+        uint list = list_of(derived, uint(near.y) << DERIVED_BLOCKS_LOG2 | uint(near.x), IS_WIDE);
+        if (list != 0u && pool_load(derived, list + 1u + IS_WIDE + LIST_TOP) != 0u) return true;
+    }
     return false;
 }
 
@@ -86,12 +99,14 @@ void main() {
     bool filled = false;
     for (uint side = 0u; side < 2u; side++) {
         uint first = west + side * block_words(IS_WIDE);
-        if (!is_under(ivec2(origin >> 2u) + ivec2(side, 0))) continue;
+        ivec2 block = ivec2(origin >> 2u) + ivec2(side, 0);
+        if (!is_under(block)) continue;
+        bool among = is_among(block);
         uint list = list_of(derived, block_of(origin) + side, IS_WIDE);
         for (uint inner = 0u; inner < 16u; inner++) {
             uvec2 column = origin + uvec2(side * 4u + (inner & 3u), inner >> 2u), nearest;
             uint code = solid_code(derived, column, IS_WIDE);
-            if (code != 0u) continue;
+            if (code != 0u || !(among || list != 0u && code_in(derived, list, OF_FLOATS, inner, IS_WIDE) != 0u)) continue;
             for (uint level = 2u; level <= MEANS_LEVEL && code == 0u; level++) {
                 code = between(column, level, nearest);
                 if (code == 0u) continue;

@@ -34,8 +34,8 @@ void go_to(inout Here here, inout int shown, int detail, ivec2 column) {
 }
 
 #ifdef STACKED
-// Whether what floats counts for tops.
-bool over = false;
+// Whether what floats counts for tops; and whether the hit is of that.
+bool over = false, of_span = false;
 #endif
 
 // Top of `column` (cells of `detail`), lattice steps from the anchor; false where there is none.
@@ -87,6 +87,10 @@ float sky_at(inout Here here, inout int shown, int detail, ivec2 column, float z
         float horizon = 0.0; // tangent
         for (int r = 0; r < 5; r++) {
             float other;
+#ifdef STACKED
+            // Of what floats over what is solid only the nearest dims it: a crown its foot, a wire no swath.
+            over = of_span || r < 2;
+#endif
             if (top_at(here, shown, detail, column + directions[d] * reach[r], other))
                 horizon = max(horizon, (other - z) / (unit * float(reach[r])) - 0.08);
         }
@@ -107,7 +111,7 @@ float ground_at(int detail, ivec2 column) {
 
 #ifdef STACKED
 // Of the sky that is seen, what is left beneath something that floats.
-const float UNDER_FLOATS = 0.75;
+const float UNDER_FLOATS = 0.6;
 
 // Whether anything floats above a column.
 bool is_under_floats(uint slot, uvec2 column) {
@@ -142,7 +146,7 @@ void main() {
         uint span = 0u;
 #ifdef STACKED
         span = hit.z >> HIT_STEPS_SHIFT;
-        is_span = over = span != 0u;
+        is_span = over = of_span = span != 0u;
 #endif
         // Columns are solid without end: below the slab a lit image shows what is behind their sides.
         if (frame.shade == SHADE_LIT && face != FACE_TOP && !is_span) {

@@ -51,7 +51,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "lit", help_heading = "Picture")]
     shade: Shade,
     /// What the points stand for
-    #[arg(long, value_enum, default_value = "columns", help_heading = "Picture")]
+    #[arg(long, value_enum, default_value = "stacks", help_heading = "Picture")]
     surface: Surface,
     /// Show holes of up to four cells, which are bridged otherwise
     #[arg(long, help_heading = "Picture")]
@@ -285,8 +285,8 @@ mod tests {
     fn views_say_what_points_stand_for() {
         let surface =
             |options: &[&str]| Typed::try_parse_from(options).unwrap().args.view().unwrap().data.surface;
-        assert_eq!(surface(&[]), Surface::Columns);
-        assert_eq!(surface(&["--surface=stacks"]), Surface::Stacks);
+        assert_eq!(surface(&[]), Surface::Stacks);
+        assert_eq!(surface(&["--surface=columns"]), Surface::Columns);
         for kind in [Surface::Columns, Surface::Stacks] {
             assert_eq!(surface(&["--surface", kind.name()]), kind);
         }

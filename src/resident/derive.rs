@@ -375,16 +375,17 @@ impl Task {
         }
     }
 
-    /// Its jobs in a pass, by the workgroups that each takes.
-    fn jobs(&self, pass: Pass) -> Vec<(u32, Job)> {
-        let is_for_it = match pass.declared().of {
+    /// Whether it takes a pass.
+    fn takes(&self, pass: Pass) -> bool {
+        match pass.declared().of {
             Of::Columns => self.stacks.is_none(),
             Of::Stacks => self.stacks.is_some(),
             Of::Both => true,
-        };
-        if !is_for_it {
-            return Vec::new();
         }
+    }
+
+    /// Its jobs in a pass that it takes, by the workgroups that each takes.
+    fn jobs(&self, pass: Pass) -> Vec<(u32, Job)> {
         match pass.declared().grain {
             Grain::Section => vec![(1, self.job([[0; 2]; 2]))],
             Grain::HalfBlock => {
@@ -487,6 +488,8 @@ impl Derive {
         let mut built = None;
         for (passes, tasks) in Pass::phases(bridge).iter().zip([own, all]) {
             for tasks in tasks.chunks(LIMITS.submit_sections) {
+                let taken = |pass: &&Pass| tasks.iter().any(|task| task.takes(**pass));
+                let passes: Vec<Pass> = passes.iter().filter(taken).copied().collect();
                 let names: Vec<_> = passes.iter().map(|pass| pass.declared().name).collect();
                 let commands = submitter.order.begin_build(&names.join(", "), &after)?;
                 let mut recording = submitter.submits.start(commands)?;
@@ -526,7 +529,7 @@ impl Derive {
             _ => [task.wide, false, false],
         };
         let mut dispatches: BTreeMap<(Variant, u32), Vec<Job>> = BTreeMap::new();
-        for task in tasks {
+        for task in tasks.iter().filter(|task| task.takes(pass)) {
             for (groups, job) in task.jobs(pass) {
                 dispatches.entry((variant(task), groups)).or_default().push(job);
             }

@@ -4,9 +4,9 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum Surface {
     /// Each cell is solid from its highest point down
-    #[default]
     Columns,
     /// What floats has air below it
+    #[default]
     Stacks,
 }
 

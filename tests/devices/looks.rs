@@ -9,12 +9,12 @@ use std::process::Command;
 const SIZE: [usize; 2] = [320, 180];
 
 /// Red, green, blue and alpha of the pixels of a picture, row by row.
-struct Picture {
-    width: usize,
-    pixels: Vec<[u8; 4]>,
+pub struct Picture {
+    pub width: usize,
+    pub pixels: Vec<[u8; 4]>,
 }
 
-fn render(inputs: &[PathBuf], arguments: &[&str]) -> (Picture, String) {
+pub fn render(inputs: &[PathBuf], arguments: &[&str]) -> (Picture, String) {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("picture.png");
     let run = Command::new(env!("CARGO_BIN_EXE_lasray"))
@@ -123,10 +123,14 @@ fn relief_takes_the_range_of_greys() {
             // Every height has the same grey.
             let grey = ["--color", "height", "--ramp", "grey", "--range=-61550,38450"];
             let map = ["--ortho", "0.5", "--background", "none"];
-            let (picture, _) = render(&[data.join(name)], &[&grey[..], &map].concat());
-            let [low, high] = [0.02, 0.98].map(|share| picture.quantile(share));
-            println!("{name}: 2 to 98 % of the greys are {low} to {high}");
-            assert!(low <= 66 && high >= 212, "{name}: {low} to {high}");
+            // Among crowns that are solid to the ground it is darker.
+            for (surface, darkest) in [("columns", 66), ("stacks", 75)] {
+                let surface = ["--surface", surface];
+                let (picture, _) = render(&[data.join(name)], &[&grey[..], &map, &surface].concat());
+                let [low, high] = [0.02, 0.98].map(|share| picture.quantile(share));
+                println!("{name}, {surface:?}: 2 to 98 % of the greys are {low} to {high}");
+                assert!(low <= darkest && high >= 212, "{name}: {low} to {high}");
+            }
         }
     });
 }
@@ -185,7 +189,8 @@ fn a_picture_starts_from_what_is_asked_for() {
         let arguments = |classes: &'static [&'static str]| {
             [&["--size", "320x180", "--background", "none", "--samples", "1"], classes].concat()
         };
-        let (all, said_all) = render(std::slice::from_ref(&path), &arguments(&[]));
+        // Solid to the ground where there is none in the sample, too.
+        let (all, said_all) = render(std::slice::from_ref(&path), &arguments(&["--surface", "columns"]));
         let (ground, said) = render(
             std::slice::from_ref(&path),
             &arguments(&["--classes", "2", "--color", "height", "--ramp", "grey"]),

@@ -52,7 +52,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "lit", help_heading = "Picture")]
     pub(super) shade: Shade,
     /// What the points stand for
-    #[arg(long, value_enum, default_value = "columns", help_heading = "Picture")]
+    #[arg(long, value_enum, default_value = "stacks", help_heading = "Picture")]
     pub(super) surface: Surface,
     /// Show holes of up to four cells, which are bridged otherwise
     #[arg(long, help_heading = "Picture")]
