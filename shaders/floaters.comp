@@ -16,23 +16,26 @@ layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follow
 
 const int REACH = 2;
 const uint LEAST_LOWER = 3u;
+const int NOTHING_LOWER = 0x7FFFFFFF;
 
 uint span; // where the next one goes
 uvec2 bounds; // codes of the list's highest top and lowest bottom
 uint highest; // code of the column's highest span
 
-// Whether enough of the columns around `column` hold a point more than a gap below `lowest` (code of a span's lowest point).
-bool is_over_lower(ivec2 column, int lowest) {
-    uint lower = 0u;
+// Code of the highest of the lowest points of LEAST_LOWER columns around `column`, those whose lowest point is lowest: what lies
+// more than a gap above it lies so over all of them. As loops may take only so many turns (lavapipe: 65,535 a thread, all of
+// its loops together), it is found once a column.
+int lowest_around(ivec2 column) {
+    ivec3 least = ivec3(NOTHING_LOWER);
     for (int k = 0; k < 25; k++) {
         ivec2 near = column + ivec2(k % 5, k / 5) - REACH;
         if (any(notEqual(near & int(SECTION_SIDE - 1u), near))) continue;
         uint list = list_of(derived, block_of(uvec2(near)), IS_WIDE);
         if (list == 0u) continue;
-        uint there = code_in(derived, list, OF_LOWEST, in_block(uvec2(near)), IS_WIDE);
-        if (there != 0u && int(there) < lowest - int(gap)) lower++;
+        int there = int(code_in(derived, list, OF_LOWEST, in_block(uvec2(near)), IS_WIDE));
+        if (there != 0) least = ivec3(min(least.x, there), max(least.x, min(least.y, there)), max(least.y, min(least.z, there)));
     }
-    return lower >= LEAST_LOWER;
+    return least[LEAST_LOWER - 1u];
 }
 
 // Biased height of the lowest point of the span that goes on from `run` downward; further runs lie from `at` to `end`.
@@ -74,14 +77,24 @@ void add_span(uvec3 run, uint bottom) {
 // spans there are. Its further runs lie from `at` to `end`.
 uvec2 stack_of(uint column, ivec2 place_in_section, uint at, uint end, uint to) {
     uint spans = 0u;
-    uvec4 run = first_run(column);
-    bool any = false;
+    uvec4 run = first_run(column), told = uvec4(0u);
+    uint told_lowest = 0u; // of the span of `told`, the last run of which what is around told that it floats
+    int around = 0;
+    bool any = false, is_around_known = false;
     while (run.x != 0u && !any) {
         if (ALL || shown(run.xyz)) {
             uint class_ = class_of(run.xyz);
             bool floats = always_floats(class_);
-            if (!floats && !is_always_solid(class_))
-                floats = is_over_lower(place_in_section, int(code_of(lowest_of_span(run, at, end))));
+            if (!floats && !is_always_solid(class_)) {
+                floats = told.x != 0u && same_key(run, told) && run.x >= told_lowest;
+                if (!floats) {
+                    if (!is_around_known) around = lowest_around(place_in_section);
+                    is_around_known = true;
+                    told_lowest = lowest_of_span(run, at, end);
+                    floats = around < int(code_of(told_lowest)) - int(gap);
+                    told = floats ? run : uvec4(0u);
+                }
+            }
             if (floats) {
                 add_span(run.xyz, bottom_of(run, at, end));
                 spans++;

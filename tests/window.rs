@@ -1164,7 +1164,7 @@ fn what_is_framed_follows_what_is_shown() {
         // The houses alone are 30 by 20, all of it 200 by 210, less the empty north, the field 200 by 100.
         let wide = |share: f64| (0.1..0.7).contains(&share);
         assert!(wide(framed(&window, "houses")), "they fill it");
-        window.click("usual classes");
+        window.click("preset surface");
         window.wait("classes shown 254");
         window.wait("settled");
         assert!(wide(framed(&window, "all")));
@@ -1181,6 +1181,61 @@ fn what_is_framed_follows_what_is_shown() {
         let area = (1.0 - left - right) * (1.0 - above - below);
         println!("from the south: free {left:.3}, {right:.3}, {above:.3}, {below:.3}; shown {share:.3}");
         assert!(share > 0.2 * area, "{share} of {area}");
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn layers_are_shown_by_presets_and_classes_alone() {
+    let test = "layers_are_shown_by_presets_and_classes_alone";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let folder = tempfile::tempdir().unwrap();
+        let block = field([30.0, 20.0], 0.5, |x, y| Some((8.0 + 0.05 * (x + y), 6)));
+        let trees = field([60.0, 20.0], 0.5, |x, _| (x > 40.0).then_some((6.0 + 0.1 * x, 5)));
+        let ground = field([80.0, 40.0], 1.0, |x, _| Some((0.02 * x, 2)));
+        write(&folder.path().join("field.las"), ground.chain(block).chain(trees));
+        let mut window = Window::open(&display, folder.path(), &["--size", "700x560", "field.las"]);
+        window.wait("first frame");
+        window.focus();
+        // There are no wires.
+        window.wait("no preset power-line");
+        window.wait("settled");
+        window.click("preset bare-earth");
+        window.wait("classes shown 5 ");
+        for (words, shown) in
+            [("Buildings: classes 6", 1), ("Vegetation: classes 3,4,5", 3), ("Surface: all but noise", 254)]
+        {
+            window.key("v");
+            window.wait(&format!("notice {words}"));
+            window.wait(&format!("classes shown {shown} "));
+        }
+
+        // A class alone, by the button that is there under the cursor, and back.
+        let at = |window: &Window, name: &str| window.places.borrow()[name].clone();
+        let [x, y] = at(&window, "name 6");
+        window.xdotool(&["mousemove", &x, &y]);
+        window.wait("only 6");
+        window.click("only 6");
+        window.wait("classes shown 1 ");
+        window.wait("back 6");
+        window.wait("settled");
+        window.key("ctrl+c");
+        // The shortest that says so.
+        assert!(window.wait_all("command ").1.contains(" --hide 2,5 "));
+        window.click("back 6");
+        window.wait("classes shown 254 ");
+        // And by Alt.
+        window.xdotool(&["keydown", "alt"]);
+        for (name, shown) in [("name 2", 1), ("name 5", 1), ("name 5", 254)] {
+            window.click(name);
+            window.wait(&format!("classes shown {shown} "));
+        }
+        window.xdotool(&["keyup", "alt"]);
+        for (name, shown) in [("name 5", 253), ("invert classes", 3), ("all classes", 256)] {
+            window.click(name);
+            window.wait(&format!("classes shown {shown} "));
+        }
         assert_eq!(window.end(), Some(0));
     });
 }

@@ -16,7 +16,7 @@ mod summary;
 mod table;
 
 pub use class::{ClassMask, Kinds, always_floats, class_color, class_name, is_always_solid, tells_nothing};
-pub use class_names::{class_names, classes_named};
+pub use class_names::{class_names, class_numbers, classes_named};
 pub use counts::KindCounts;
 pub use mode::ColorMode;
 pub use ramp::Ramp;

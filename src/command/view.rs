@@ -56,7 +56,7 @@ pub struct Args {
     /// Show holes of up to four cells, which are bridged otherwise
     #[arg(long, help_heading = "Picture")]
     no_bridge: bool,
-    /// Show only these classes: 2,6 or 3-5 or building,ground
+    /// Show only these classes: 2,6 or 3-5 or building,ground or bare-earth
     #[arg(long, value_parser = values::classes, help_heading = "Picture", value_name = "LIST")]
     classes: Option<ClassList>,
     /// Hide these classes: 3-5 or vegetation (7 and 18, noise, are hidden unless asked for)

@@ -3,6 +3,7 @@
 use super::boxes::{OpenBox, OpenRequest};
 use super::file_list::FileRequest;
 use super::input::Action;
+use super::layers;
 use super::options::{OpenedView, WindowOptions};
 use super::pick;
 use super::remarks;
@@ -67,6 +68,17 @@ impl Viewer {
                 let modes: Vec<_> = modes(self.data.about()).collect();
                 let at = modes.iter().position(|mode| *mode == self.settings.color).unwrap_or(0);
                 self.settings.color = modes[(at + 1) % modes.len()];
+            }
+            Action::NextPreset => {
+                let visibility = &mut self.settings.visibility;
+                let preset = layers::next(visibility, &self.data.status().kinds);
+                if let Some(preset) = preset {
+                    visibility.classes = preset.mask();
+                }
+                self.notify(preset.map_or_else(
+                    || "No preset shows other points than these".to_owned(),
+                    |preset| format!("{}: {}", preset.label, preset.words()),
+                ));
             }
             Action::ToggleBridge => {
                 let bridge = &mut self.settings.visibility.bridge;

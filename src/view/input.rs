@@ -46,6 +46,8 @@ pub enum Action {
     ToggleKeys,
     /// The next colour mode.
     NextColor,
+    /// The next preset of classes.
+    NextPreset,
     /// Bridges holes or not.
     ToggleBridge,
     /// Light or plain colours.
@@ -71,7 +73,7 @@ pub const KEYS: [(&str, &str); 26] = [
     ("O", "parallel or perspective"),
     ("Backspace", "the view before"),
     ("G", "go to coordinates"),
-    ("C", "next colour mode"),
+    ("C, V", "next colour mode; next classes: bare earth, buildings, …"),
     ("B", "bridge small holes"),
     ("L", "light, or plain colours"),
     ("Tab", "panel"),
@@ -109,6 +111,7 @@ pub fn action(key: KeyCode, control: bool, shift: bool) -> Option<Action> {
         KeyCode::KeyG => Some(Action::GoTo),
         KeyCode::KeyP => Some(Action::SaveImage),
         KeyCode::KeyC => Some(Action::NextColor),
+        KeyCode::KeyV => Some(Action::NextPreset),
         KeyCode::KeyB => Some(Action::ToggleBridge),
         KeyCode::KeyL => Some(Action::ToggleLight),
         KeyCode::Tab => Some(Action::TogglePanel),
@@ -363,6 +366,8 @@ mod tests {
         assert_eq!(action(KeyCode::KeyO, true, false), Some(Action::Open));
         assert_eq!(action(KeyCode::KeyO, false, false), Some(Action::ToggleProjection));
         assert_eq!(action(KeyCode::KeyS, false, false), None, "it flies");
+        assert_eq!(action(KeyCode::KeyV, false, false), Some(Action::NextPreset));
+        assert_eq!(action(KeyCode::KeyV, true, false), None);
         assert_eq!(action(KeyCode::KeyC, true, false), Some(Action::CopyCommand));
         assert_eq!(action(KeyCode::KeyC, true, true), Some(Action::CopyPoint));
         assert_eq!(action(KeyCode::Slash, false, true), Some(Action::ToggleKeys));

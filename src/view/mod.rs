@@ -7,6 +7,7 @@
 mod actions;
 mod boxes;
 mod canvas;
+mod class_part;
 mod color_part;
 pub mod data;
 mod events;
@@ -15,6 +16,7 @@ mod file_list;
 mod flight;
 mod frame;
 mod input;
+mod layers;
 mod layout;
 mod log;
 mod navigate;

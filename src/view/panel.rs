@@ -1,23 +1,24 @@
 //! The panel beside the image, the status bar below it, and the small boxes over it.
 
 use super::boxes::{Boxes, OpenRequest};
+use super::class_part;
 use super::color_part;
 use super::data::{DataAbout, DataStatus};
 use super::fates::Refused;
 use super::file_list::{self, FileRequest};
-use super::numbers::{grouped, rough, short};
+use super::layers::Alone;
+use super::numbers::short;
 use super::pick;
 use super::settings::{BRIDGE, Settings};
 use super::state::State;
-use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, swatch, weak};
-use crate::attribute::{ClassMask, ColorTable, class_color, class_name};
+use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, weak};
+use crate::attribute::{ColorTable, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
-use crate::resident::visibility::Visibility;
 use crate::text::{harmless, tidy};
 use egui::{
-    Align, Align2, Button, Checkbox, Color32, FontId, Layout, Margin, Pos2, RichText, ScrollArea, Sense,
-    Slider, Stroke, Ui, pos2, vec2,
+    Align, Align2, Button, Color32, FontId, Layout, Margin, Pos2, RichText, ScrollArea, Sense, Slider,
+    Stroke, Ui, pos2, vec2,
 };
 use std::collections::{BTreeMap, VecDeque};
 
@@ -25,8 +26,6 @@ use std::collections::{BTreeMap, VecDeque};
 const WIDTH: f32 = 296.0;
 /// Frames that a plot shows.
 const PLOTTED: usize = 120;
-/// Classes that are listed even if the sample has none: they are hidden at first.
-const NOISE: [u8; 2] = [7, 18];
 const GROUND: Color32 = Color32::from_rgb(27, 29, 33);
 const WELL: Color32 = Color32::from_rgb(18, 19, 22);
 /// The last values of something, for a plot.
@@ -101,6 +100,8 @@ pub struct Panel {
     pub is_open: bool,
     /// The small boxes over the image.
     pub boxes: Boxes,
+    /// The class that is shown alone.
+    alone: Alone,
 }
 
 /// Looks: dark, quiet, one accent.
@@ -134,20 +135,6 @@ pub fn style(context: &egui::Context) {
         visuals.widgets.noninteractive.bg_stroke = Stroke::new(1.0, Color32::from_gray(48));
         visuals.slider_trailing_fill = true;
     });
-}
-
-/// What a number of points of a class is.
-fn about_count(points: u64, withheld: u64, is_exact: bool) -> String {
-    let withheld = |number: fn(u64) -> String| match withheld {
-        0 => String::new(),
-        n => format!(", of which {} are withheld", number(n)),
-    };
-    match is_exact {
-        true => format!("{} points{}", grouped(points), withheld(grouped)),
-        false => {
-            format!("{} points{}: estimated, until every point was read", rough(points), withheld(rough))
-        }
-    }
 }
 
 /// The coordinate systems that files which are shown name, with how many do; those that name none last.
@@ -220,7 +207,7 @@ fn plot(ui: &mut Ui, name: &str, history: &History) {
 
 impl Default for Panel {
     fn default() -> Panel {
-        Panel { is_open: true, boxes: Boxes::default() }
+        Panel { is_open: true, boxes: Boxes::default(), alone: Alone::default() }
     }
 }
 
@@ -282,7 +269,8 @@ impl Panel {
             color_part::show(ui, settings, (content.about, content.colors), &mut requests.places);
         });
         part(ui, "Classes", true, |ui| {
-            classes(ui, &mut settings.visibility, content, &mut requests.places);
+            let counts = content.about.map(|_| &content.status.kinds);
+            class_part::show(ui, &mut settings.visibility, (&mut self.alone, counts), &mut requests.places);
         });
         part(ui, "Picture", true, |ui| {
             ui.horizontal(|ui| {
@@ -354,63 +342,6 @@ fn place(ui: &mut Ui, point: &PickedPoint, is_kept: bool, about: &DataAbout) {
     }
 }
 
-fn classes(
-    ui: &mut Ui,
-    visibility: &mut Visibility,
-    content: &PanelContent,
-    places: &mut Vec<(String, Pos2)>,
-) {
-    if content.about.is_none() {
-        ui.label(weak("…"));
-        return;
-    }
-    let counts = &content.status.kinds;
-    let listed = |class: &u8| counts.of_class(*class)[0] > 0 || NOISE.contains(class);
-    let mask = &mut visibility.classes;
-    for class in (0..=255u8).filter(listed) {
-        let mut is_shown = mask.shows(class);
-        let row = ui.horizontal(|ui| {
-            let check = ui.add(Checkbox::without_text(&mut is_shown));
-            places.push((format!("class {class}"), check.rect.center()));
-            let changed = check.changed();
-            swatch(ui, class_color(class));
-            let name = RichText::new(class_name(class)).color(if is_shown { TEXT } else { WEAK });
-            // Numbers of one to three digits, names in line.
-            let (number, _) = ui.allocate_exact_size(vec2(20.0, LINE), Sense::hover());
-            let font = FontId::proportional(13.0);
-            ui.painter().text(number.right_center(), Align2::RIGHT_CENTER, class, font, WEAK);
-            let label = ui.add(egui::Label::new(name).sense(Sense::click()).selectable(false));
-            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-                let [points, withheld] = counts.of_class(class);
-                if points > 0 {
-                    let words = if counts.is_exact { grouped(points) } else { rough(points) };
-                    ui.label(weak(words)).on_hover_text(about_count(points, withheld, counts.is_exact));
-                }
-            });
-            if label.clicked() {
-                is_shown = !is_shown;
-            }
-            changed || label.clicked()
-        });
-        if row.inner {
-            *mask = if is_shown { mask.with(&[class]) } else { mask.without(&[class]) };
-        }
-    }
-    ui.horizontal(|ui| {
-        if ui.small_button("All").clicked() {
-            *mask = ClassMask::all();
-        }
-        if ui.small_button("None").clicked() {
-            *mask = ClassMask::only(&[]);
-        }
-        let usual = ui.small_button("Usual").on_hover_text("all but noise");
-        places.push(("usual classes".to_owned(), usual.rect.center()));
-        if usual.clicked() {
-            *mask = ClassMask::default();
-        }
-    });
-}
-
 fn data(ui: &mut Ui, content: &PanelContent) {
     let status = content.status;
     let (read, all) = (status.points_read, status.points);
@@ -451,13 +382,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_say_what_they_are() {
+    fn bytes_are_few_letters() {
         assert_eq!(bytes(3 << 19), "2 MiB");
         assert_eq!(bytes(1 << 30), "1.00 GiB");
-        assert_eq!(about_count(72_763, 0, true), "72,763 points");
-        assert_eq!(
-            about_count(24_412, 512, false),
-            "~24 k points, of which ~510 are withheld: estimated, until every point was read"
-        );
     }
 }

@@ -8,7 +8,8 @@ use lasray::gpu::Order;
 use lasray::resident::pool::Access;
 use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::{ColumnData, Visibility};
-use lasray::section::{Columns, Derived, Payload, column_at};
+use lasray::section::{Columns, Derived, Payload, Surface, column_at};
+use lasray::shared::payload::{FLOAT_MEANS, LIST_COUNTS, LIST_SPANS};
 use lasray::source::FLAG_WITHHELD;
 use std::collections::BTreeMap;
 
@@ -19,7 +20,10 @@ const TIE: i32 = 32;
 
 /// Holes of all sizes, chains, withheld points, steep steps; every other section too high for 16 bits.
 fn section(i: i32, j: i32) -> Payload {
-    let mut columns = Columns::default();
+    section_of(Columns::default(), [i, j])
+}
+
+fn section_of(mut columns: Columns, [i, j]: [i32; 2]) -> Payload {
     for at in 0..SECTION_SIDE * SECTION_SIDE {
         let (x, y) = (at % SECTION_SIDE, at / SECTION_SIDE);
         // Blocks that hold nothing.
@@ -238,6 +242,112 @@ fn derived_parts_are_as_specified() {
                 check(&mut scene, &sections, shown, ColumnData::Values);
             }
         }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// What is derived of a section of stacks, as far as passes under `shown` write it, and how many spans float.
+fn written(scene: &mut Scene, key: SectionKey, shown: &Visibility) -> (Vec<u32>, u32) {
+    let ReadBack { layout, derived: mut words, .. } = scene.read_back(key).unwrap().expect("live");
+    let derived = Derived { wide: layout.code.wide };
+    let floats = layout.floats.expect("stacks");
+    // Means are for bridges.
+    if shown.bridge == 0 {
+        words[(derived.floats() + FLOAT_MEANS) as usize..derived.float_nodes() as usize].fill(0);
+    }
+    // Of the room for a half block's spans, what they take.
+    let (lists, spans) = (derived.lists() as usize, derived.spans(floats) as usize);
+    let rest = words.split_off(spans);
+    let (mut of_spans, mut counted) = (Vec::<u32>::new(), 0);
+    for list in words[lists..].chunks_exact(derived.list_words() as usize) {
+        let list = &list[1 + usize::from(derived.wide)..];
+        let from = (list[LIST_SPANS as usize] as usize).checked_sub(spans).expect("every list is written");
+        let counts = &list[LIST_COUNTS as usize..LIST_COUNTS as usize + 4];
+        let count: u32 = counts.iter().flat_map(|word| word.to_le_bytes()).map(u32::from).sum();
+        of_spans.extend(&rest[from..from + (count * derived.span_words()) as usize]);
+        counted += count;
+    }
+    words.extend(of_spans);
+    (words, counted)
+}
+
+/// A mask shows and hides without a copy, and what it showed before comes back word for word, whatever was shown between.
+#[test]
+fn masks_of_stacks_copy_nothing_and_come_back_word_for_word() {
+    common::run("derived::masks_of_stacks_copy_nothing_and_come_back_word_for_word", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let stacks = |at| section_of(Columns::new(Surface::Stacks, GRID.stacking(0)), at);
+        // Of both widths of codes.
+        let keys = [[0, 0], [1, 0], [0, 1]].map(|[i, j]| SectionKey { level: 0, i, j });
+        let masks: Vec<_> = [
+            (ClassMask::default(), false, 4, true),
+            (ClassMask::all(), true, 0, false),
+            (ClassMask::only(&[5, 200]), false, 4, true),
+            (ClassMask::default().without(&[2]), true, 4, false),
+            (ClassMask::only(&[2, 6]), false, 2, true),
+            (ClassMask::default().without(&[5, 6]), false, 0, false),
+            (ClassMask::only(&[1, 12, 200]), true, 0, true),
+            (ClassMask::only(&[99]), false, 4, false),
+        ]
+        .into_iter()
+        .map(|(classes, withheld, bridge, near_ties)| Visibility { classes, withheld, bridge, near_ties })
+        .collect();
+        for access in [Access::Address, Access::Texels, Access::StorageBuffer] {
+            let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, masks[0], GRID).unwrap();
+            for key in keys {
+                assert!(scene.upload(key, &stacks([key.i, key.j])).unwrap());
+            }
+            scene.settle().unwrap();
+            let uploaded = scene.counters();
+            let mut show = |mask: &Visibility| {
+                scene.set_visibility(*mask).unwrap();
+                keys.map(|key| written(&mut scene, key, mask))
+            };
+            let first: Vec<_> = masks.iter().map(&mut show).collect();
+            let floating: Vec<u32> =
+                first.iter().map(|sections| sections.iter().map(|(_, spans)| spans).sum()).collect();
+            println!("{access:?}: spans that float: {floating:?}");
+            assert!(floating[..4].iter().all(|spans| *spans > 5000) && floating[7] == 0, "{floating:?}");
+            for (k, mask) in masks.iter().enumerate().rev().chain(masks.iter().enumerate().step_by(3)) {
+                for ((words, _), (before, _)) in show(mask).iter().zip(&first[k]) {
+                    let wrong = (0..before.len()).find(|&at| words.get(at) != before.get(at));
+                    assert!(wrong.is_none() && words.len() == before.len(), "{mask:?}: word {wrong:?}");
+                }
+            }
+            let now = scene.counters();
+            assert_eq!([now.section_bytes, now.sections], [uploaded.section_bytes, uploaded.sections]);
+            // 7 other masks, 7 on the way back, 2 on the way there again.
+            assert_eq!(now.builds, uploaded.builds + 3 * (7 + 7 + 2));
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// High columns of one span, many beside each other: more than drivers let loops turn for each run by itself.
+#[test]
+fn all_of_many_runs_float() {
+    common::run("derived::all_of_many_runs_float", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let mut columns = Columns::new(Surface::Stacks, GRID.stacking(0));
+        let mut add = |x: u32, y: u32, height: i32, class: u8| {
+            let height = Height(height);
+            let attributes = Attributes { height, class, intensity: 9, rgb: [5; 3], returns: 0x11, flags: 0 };
+            columns.add(x, y, Record::pack(attributes));
+        };
+        let (rows, runs) = (64..72, 100);
+        for (x, y) in (0..SECTION_SIDE).flat_map(|x| (56..80).map(move |y| (x, y))) {
+            add(x, y, 9000, 2);
+            if rows.contains(&y) {
+                (0..runs).for_each(|k| add(x, y, 12_300 + k * 512, 1));
+            }
+        }
+        let shown = Visibility { classes: ClassMask::all(), withheld: false, bridge: 0, near_ties: false };
+        let mut scene = Scene::new(&gpu, |o: Order| o, Access::Address, 100 << 20, shown, GRID).unwrap();
+        let key = SectionKey { level: 0, i: 0, j: 0 };
+        assert!(scene.upload(key, &columns.pack()).unwrap());
+        scene.settle().unwrap();
+        let (_, spans) = written(&mut scene, key, &shown);
+        assert_eq!(spans, SECTION_SIDE * rows.len() as u32 * runs as u32);
         assert_eq!(gpu.messages(), [""; 0]);
     });
 }

@@ -2,6 +2,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod masks;
 mod scaled;
 #[path = "../common/scene.rs"]
 mod scene;

@@ -109,7 +109,7 @@ pub struct Args {
     #[arg(long, value_parser = ["8", "16"], help_heading = "Colour")]
     pub(super) rgb_bits: Option<String>,
 
-    /// Show only these classes: 2,6 or 3-5 or building,ground
+    /// Show only these classes: 2,6 or 3-5 or building,ground or bare-earth
     #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
     pub(super) classes: Option<ClassList>,
     /// Hide these classes: 3-5 or vegetation (7 and 18, noise, are hidden unless asked for)
