@@ -174,6 +174,10 @@ group! { payload:
     SPAN_WORDS = 2;
     /// The same where codes are wide.
     SPAN_WORDS_WIDE = 3;
+    /// Words of the corners of a column of a smooth surface: codes of its height in the south-west, the south-east, the
+    /// north-west and the north-east; twice that where codes are wide. Those of a section are last of what is derived, block by
+    /// block, row by row in each.
+    CORNER_WORDS = 2;
     /// Codes of all levels but the coarsest: a bit a level, so that those of the levels finer than one are the higher
     /// bits.
     CODES_BELOW_TOP = codes_of_levels(0, SECTION_LOG2 - 1);

@@ -251,7 +251,7 @@ pub fn pipeline_descs(access: Access, surface: Surface, bridge: bool) -> [Vec<Pi
         !wide
             && (!pass.is_masked() || bridged == bridge)
             && Pass::phases(bridge).concat().contains(&pass)
-            && (surface == Surface::Stacks || pass.declared().of != Of::Stacks)
+            && (surface.floats() || pass.declared().of != Of::Stacks)
     };
     let (usual, others): (Vec<_>, Vec<_>) = all.partition(is_usual);
     [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.desc(variant, access)).collect())

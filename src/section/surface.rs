@@ -8,14 +8,22 @@ pub enum Surface {
     Columns,
     /// What floats has air below it
     Stacks,
+    /// As stacks, and what is solid is a smooth surface close up
+    Smooth,
 }
 
 impl Surface {
+    /// Whether what floats has air below it.
+    pub const fn floats(self) -> bool {
+        !matches!(self, Surface::Columns)
+    }
+
     /// As it is typed.
     pub const fn name(self) -> &'static str {
         match self {
             Surface::Columns => "columns",
             Surface::Stacks => "stacks",
+            Surface::Smooth => "smooth",
         }
     }
 }

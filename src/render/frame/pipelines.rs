@@ -293,7 +293,7 @@ impl FramePipelines {
 #[cfg(feature = "view")]
 pub fn pipeline_descs(kind: DeviceKind, access: Access, surface: Surface) -> [Vec<PipelineDesc>; 2] {
     let options = PassOptions::of(kind);
-    let floats = surface == Surface::Stacks;
+    let floats = surface.floats();
     let exact = [true, false].map(|ramped| Exact { ramped, screen: false, floats }.desc(access, options));
     // What nothing floats in is drawn without looking for it, the sparse sample, too.
     let floating = floats.then(|| floating(access, options)).into_iter().flatten();
