@@ -213,6 +213,8 @@ group! { node:
     NODE_BESIDE = 8;
     /// 1 where something of its section may float.
     NODE_FLOATS = 12;
+    /// First word of its corners in what is derived, where its tops are a smooth surface; 0: they are not.
+    NODE_CORNERS = 13;
 
     /// First word of the key of an unused slot.
     NO_KEY = u32::MAX;
@@ -290,6 +292,9 @@ group! { passes:
     ORIGIN_MEASURED = 0;
     /// Origin: the column is bridged from those around.
     ORIGIN_BRIDGED = 1;
+
+    /// Tops of a smooth surface rise by no more than so many quarters of a cell from a column to the next.
+    JUMP_QUARTERS = 6;
 
     /// Pixels of the side of a beam's tile.
     TILE = 8;

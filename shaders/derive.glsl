@@ -12,7 +12,8 @@ struct Job {
     uint tie;      // a run so many lattice steps below the top is as high, and shown if the top's class tells less; 0: never
     uint slice;    // of stacks: log2 lattice steps of a slice, which is as long as the longest gap within a span
     uint thickness; // lattice steps that a point of what floats reaches down
-    uint spare[2];
+    uint jump;     // of a smooth surface: tops of columns beside each other that differ by more are of two surfaces, lattice steps
+    uint corners;  // and the first word of its corners
 };
 
 struct Derive {

@@ -11,7 +11,8 @@
 // SwiftShader lost hits, it seems where a value of a thread that had left a loop was still computed for it.
 // With STACKED, spans that float are looked for, too: a node is gone down into where the ray's heights in it meet those of what
 // floats in it.
-// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl; STACKED: floats.glsl.
+// With SMOOTH, too, the surface of what is solid is looked for in each column, whose height alone is no bound.
+// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl; STACKED: floats.glsl; SMOOTH: corners.glsl.
 
 // Inverse of a step that is none.
 const float STILL = 1e30;
@@ -153,11 +154,17 @@ Hit trace(Ray ray, float start, int level) {
         uint span = 0u;
         int bottom = 0;
 #endif
+#ifdef SMOOTH
+        bool side = false;
+#endif
         // From section to section, as long as they are of one size.
         while (true) {
         Section section = section_in(hit.slot, detail);
 #ifdef STACKED
         bool floats = node_floats(hit.slot) != 0u;
+#endif
+#ifdef SMOOTH
+        uint corners = node_corners(hit.slot);
 #endif
         while (true) {
             hit.steps++;
@@ -168,6 +175,19 @@ Hit trace(Ray ray, float start, int level) {
             uint code = code_at(section, level, node ^ flip);
             int highest = height_of(section, code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
+#ifdef SMOOTH
+            float t_surface = FAR;
+            if (level == finest && corners != 0u) {
+                float above = MOST_CORNER * frame.cell_steps * float(1 << detail);
+                down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) + above && (t_exit > t || touches);
+                if (down) {
+                    ivec2 in_cell = node >> detail - level;
+                    uvec4 codes = corners_of(section.pyramid, corners, uvec2(in_cell ^ flip) & (SECTION_SIDE - 1u), section.wide);
+                    t_surface = surface_contact(walk, ray, t, t_exit, in_cell, detail, mirrored(walk, section.base, codes), side);
+                    down = t_surface != FAR;
+                }
+            }
+#endif
 #ifdef STACKED
             // A section that nothing floats in ends this at once.
             while (floats && (t_exit > t || touches)) {
@@ -189,7 +209,12 @@ Hit trace(Ray ray, float start, int level) {
                     break;
                 }
                 // The first contact, of several at once that of the larger record, which comes first.
+#ifdef SMOOTH
+                float first_contact = !down ? FAR : corners != 0u ? t_surface
+                                    : z <= float(highest) ? t : t_of(walk, ray, t, t_exit, highest);
+#else
                 float first_contact = !down ? FAR : z <= float(highest) ? t : t_of(walk, ray, t, t_exit, highest);
+#endif
                 uvec2 spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
                 uint from = spans_of(section.pyramid, list, section.wide);
                 for (uint k = 0u; k < spans.y; k++) {
@@ -211,6 +236,9 @@ Hit trace(Ray ray, float start, int level) {
                 found = true;
                 top = highest;
                 t_end = t_exit;
+#ifdef SMOOTH
+                if (span == 0u && corners != 0u) t_end = t_surface;
+#endif
                 break;
             }
             if (down) {
@@ -247,6 +275,12 @@ Hit trace(Ray ray, float start, int level) {
 #ifdef STACKED
             if (span != 0u) return span_hit_in(walk, ray, Stay(t, t_end, face), Hit(t, hit.slot, column, face, top, span), bottom);
             hit.steps = 0u;
+#endif
+#ifdef SMOOTH
+            if (node_corners(hit.slot) != 0u) {
+                if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
+                return Hit(t_end, hit.slot, column, side ? face : FACE_TOP, top, 0u);
+            }
 #endif
             return hit_in(walk, ray, Stay(t, t_end, face), Hit(t, hit.slot, column, face, top, hit.steps));
         }
