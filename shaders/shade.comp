@@ -104,8 +104,7 @@ vec2 slope_about(inout Here here, inout int shown, int detail, ivec2 column, vec
             if (d2 >= 4.0 || !top_at(here, shown, detail, column + ivec2(x, y), other)) continue;
             float rise = (other - z) / cell_steps;
             float excess = rise * rise / (d2 + 0.5); // squared slope, nearly
-            float near = 1.0 - 0.25 * d2;
-            float weight = near * near / (1.0 + excess * excess);
+            float weight = (1.0 - 0.25 * d2) / (1.0 + excess * excess);
             n += weight;
             mean += weight * vec3(to, rise);
             squares += weight * vec3(to.x * to.x, to.x * to.y, to.y * to.y);
@@ -129,7 +128,12 @@ float sky_at(inout Here here, inout int shown, int detail, ivec2 column, vec2 pl
         if (dot(vec2(directions[d]), outward) < 0.0) continue;
         float unit = cell_steps * length(vec2(directions[d]));
         float horizon = 0.0; // tangent
+#ifdef SMOOTH
+        // What the next column rises by is the surface's slope.
+        for (int r = 1; r < 5; r++) {
+#else
         for (int r = 0; r < 5; r++) {
+#endif
             float other;
             if (top_at(here, shown, detail, column + directions[d] * reach[r], other))
 #ifdef SMOOTH
