@@ -294,7 +294,7 @@ group! { passes:
     ORIGIN_BRIDGED = 1;
 
     /// Tops of a smooth surface rise by no more than so many quarters of a cell from a column to the next.
-    JUMP_QUARTERS = 6;
+    JUMP_QUARTERS = 10;
 
     /// Pixels of the side of a beam's tile.
     TILE = 8;
