@@ -18,6 +18,7 @@ mod looks;
 mod picks;
 #[path = "../common/scene.rs"]
 mod scene;
+mod smooth;
 mod story;
 mod table;
 mod twins;

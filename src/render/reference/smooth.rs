@@ -112,6 +112,6 @@ impl Stay {
         let s = [a / q, q / c].into_iter().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
         let t = self.t_in + s;
         let is_there = t < self.t_out || (t == self.t_out && self.out_closed);
-        is_there.then(|| Contact { t, height: start.z + s * d.z, face: Face::Top })
+        is_there.then_some(Contact { t, height: start.z + s * d.z, face: Face::Top })
     }
 }
