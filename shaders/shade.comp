@@ -198,17 +198,22 @@ void main() {
 #endif
         vec2 place = vec2(0.0);
         float edge = top;
+        uint ramp_height = hit.w;
 #ifdef SMOOTH
-        if (!is_span && node_corners(hit.y) != 0u) {
+        uint corners = node_corners(hit.y);
+        if (!is_span && corners != 0u) {
             // Where in its column it is, and how high the surface is there.
             float size = float(1 << detail);
             vec2 in_column = vec2(ray.cell.xy - (column << detail)) + fma(vec2(uintBitsToFloat(hit.x)), ray.step.xy, ray.fraction.xy);
             in_column = clamp(in_column / size, 0.0, 1.0);
             place = in_column - 0.5;
-            vec4 four = vec4(node_base(hit.y) + ivec4(corners_of(node_pyramid(hit.y), node_corners(hit.y), inner, node_wide(hit.y))));
+            vec4 four = vec4(node_base(hit.y) + ivec4(corners_of(node_pyramid(hit.y), corners, inner, node_wide(hit.y))));
             vec2 ends = mix(four.xz, four.yw, in_column.x);
             edge = mix(ends.x, ends.y, in_column.y);
-            if (face == FACE_TOP) z = edge;
+            if (face == FACE_TOP) {
+                z = edge;
+                if (frame.shade == SHADE_LIT) ramp_height = uint(int(round(edge)));
+            }
         }
 #endif
         // Columns are solid without end: below the slab a lit image shows what is behind their sides.
@@ -226,7 +231,7 @@ void main() {
 #else
         uint shows = shown_at(hit.y, inner);
 #endif
-        vec3 albedo = is_slab ? SLAB : linear_of(srgb_of(shows, hit.w));
+        vec3 albedo = is_slab ? SLAB : linear_of(srgb_of(shows, ramp_height));
         color = vec4(albedo, 1.0);
         if (is_hit) bits = bits_of(shows, hit.y, inner, face, is_span);
 
@@ -236,7 +241,7 @@ void main() {
             vec3 normal;
 #ifdef SMOOTH
             vec2 slope = vec2(0.0);
-            if (is_span || node_corners(hit.y) == 0u) slope = is_slab ? slope : slope_at(here, shown, detail, column, top, cell_steps);
+            if (is_span || corners == 0u) slope = is_slab ? slope : slope_at(here, shown, detail, column, top, cell_steps);
             else if (!is_slab) slope = slope_about(here, shown, detail, column, place, edge, cell_steps);
 #else
             vec2 slope = is_slab ? vec2(0.0) : slope_at(here, shown, detail, column, top, cell_steps);
@@ -252,7 +257,14 @@ void main() {
                 outward = face == FACE_WEST ? vec2(-1, 0) : face == FACE_EAST ? vec2(1, 0) : face == FACE_SOUTH ? vec2(0, -1) : vec2(0, 1);
                 // A low step of a slope is part of the slope; a wall is a wall.
                 float drop = (edge - z) / cell_steps;
-                normal = normalize(mix(up, vec3(outward, 0.0), smoothstep(0.2, 1.5, drop + 0.6)));
+                float wall = smoothstep(0.2, 1.5, drop + 0.6);
+#ifdef SMOOTH
+                // Beside a surface that is much lower it is one up to the very edge.
+                float other;
+                bool is_beside = top_at(here, shown, detail, column + ivec2(outward), other);
+                if (!is_span && corners != 0u) wall = max(wall, is_beside ? smoothstep(0.5, 1.5, (top - other) / cell_steps) : 1.0);
+#endif
+                normal = normalize(mix(up, vec3(outward, 0.0), wall));
             }
             // The slab is one plain band.
             if (is_slab) normal = vec3(outward, 0.0);
