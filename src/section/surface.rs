@@ -18,6 +18,14 @@ impl Surface {
         !matches!(self, Surface::Columns)
     }
 
+    /// Most bytes that derived parts take of `bytes` that sections take on the device.
+    pub const fn derived_of(self, bytes: u64) -> u64 {
+        match self {
+            Surface::Columns | Surface::Stacks => bytes / 2,
+            Surface::Smooth => bytes / 3 * 2,
+        }
+    }
+
     /// As it is typed.
     pub const fn name(self) -> &'static str {
         match self {
