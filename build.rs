@@ -3,7 +3,8 @@
 //! `glslc` does the work, or the `shaderc` crate with the cargo feature of that name. A shader with
 //! an `#ifdef POOL_SSBO`, itself or in an include, is compiled as `NAME`, and as `NAME_SSBO` with it; so with
 //! `POOL_TEXELS`, and with `LOGGED` (what a benchmark counts); with `#ifdef STACKED` there are all but the last of these a
-//! second time, `NAME_STACKED…` (what floats is looked for).
+//! second time, `NAME_STACKED…` (what floats is looked for); with `#ifdef SMOOTH` a third time, `NAME_SMOOTH…`, with both
+//! defined (and tops are a smooth surface).
 //! The constants that Rust and the shaders share come from the table in `build/constants.rs`.
 //! Release builds learn the commit they are built from, for the reports of benchmarks.
 
@@ -107,16 +108,23 @@ fn compile_folder(folder: &Path, out: &Path) -> Result<String, String> {
         };
         let asks = |define: &str| asks_for(source, &format!("#ifdef {define}"), 0);
         let mut variants = vec![(stem.to_uppercase() + &stage, vec![])];
+        let mut surfaces: Vec<(&str, Vec<&str>)> = Vec::new();
         if asks("STACKED")? {
-            variants.push((format!("{}_STACKED", stem.to_uppercase()), vec!["STACKED"]));
+            surfaces.push(("STACKED", vec!["STACKED"]));
+        }
+        if asks("SMOOTH")? {
+            surfaces.push(("SMOOTH", vec!["STACKED", "SMOOTH"]));
+        }
+        for (name, defines) in &surfaces {
+            variants.push((format!("{}_{name}", stem.to_uppercase()), defines.clone()));
         }
         for (suffix, define) in [("SSBO", "POOL_SSBO"), ("TEXELS", "POOL_TEXELS"), ("LOGGED", "LOGGED")] {
             // The baseline goes by address alone.
             if (stem != "thesis" || define == "LOGGED") && asks(define)? {
                 variants.push((format!("{}_{suffix}", stem.to_uppercase()), vec![define]));
-                if define != "LOGGED" && asks("STACKED")? {
-                    let name = format!("{}_STACKED_{suffix}", stem.to_uppercase());
-                    variants.push((name, vec!["STACKED", define]));
+                for (name, defines) in surfaces.iter().filter(|_| define != "LOGGED") {
+                    let name = format!("{}_{name}_{suffix}", stem.to_uppercase());
+                    variants.push((name, [&defines[..], &[define]].concat()));
                 }
             }
         }

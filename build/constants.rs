@@ -179,6 +179,10 @@ group! { payload:
     SPAN_WORDS = 2;
     /// The same where codes are wide.
     SPAN_WORDS_WIDE = 3;
+    /// Words of the corners of a column of a smooth surface: codes of its height in the south-west, the south-east, the
+    /// north-west and the north-east; twice that where codes are wide. Those of a section are last of what is derived, block by
+    /// block, row by row in each.
+    CORNER_WORDS = 2;
     /// Codes of all levels but the coarsest: a bit a level, so that those of the levels finer than one are the higher
     /// bits.
     CODES_BELOW_TOP = codes_of_levels(0, SECTION_LOG2 - 1);
@@ -214,6 +218,8 @@ group! { node:
     NODE_BESIDE = 8;
     /// 1 where something of its section may float.
     NODE_FLOATS = 12;
+    /// First word of its corners in what is derived, where its tops are a smooth surface; 0: they are not.
+    NODE_CORNERS = 13;
 
     /// First word of the key of an unused slot.
     NO_KEY = u32::MAX;
@@ -291,6 +297,9 @@ group! { passes:
     ORIGIN_MEASURED = 0;
     /// Origin: the column is bridged from those around.
     ORIGIN_BRIDGED = 1;
+
+    /// Tops of a smooth surface rise by no more than so many quarters of a cell from a column to the next.
+    JUMP_QUARTERS = 10;
 
     /// Pixels of the side of a beam's tile.
     TILE = 8;

@@ -14,7 +14,9 @@ struct Job {
     uint slice;    // of stacks: log2 lattice steps of a slice, which is as long as the longest gap within a span
     uint thickness; // lattice steps that a point of what floats reaches down
     uint lists;    // half blocks in which anything may float
-    uint spare;
+    uint jump;     // of a smooth surface: tops of columns beside each other that differ by more are of two surfaces, lattice steps
+    uint corners;  // and the first word of its corners
+    uint spare[3];
 };
 
 struct Derive {
@@ -112,7 +114,9 @@ uint marked(uint code, bool floats) {
 
 // Levels 1 and 2 of a half block, from its level 0, whose first word is `west`; where its blocks have lists, these say how high what is
 // solid is. `floats`: something may float in the section.
-void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats) {
+// `solids_of`: what is solid is no higher than that in nodes of level 1, row by row, four of the western block's and the eastern's each; level 0 may be
+// lower.
+void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats, uint solids_of[8]) {
     uvec2 level_2 = uvec2(0u);
     uvec2 node = half_block_origin(half_block) >> 2u;
     for (uint side = 0u; side < 2u; side++) {
@@ -122,7 +126,10 @@ void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats
         for (uint pair = 0u; pair < 2u; pair++) {
             uint row = pair * 8u;
             uvec4 columns = max(load_four(derived, first, row), load_four(derived, first, row + 4u));
-            uvec2 nodes = max(columns.xz, columns.yw);
+            uint of_pair = pair * 4u + side * 2u;
+            uvec2 no_higher = uvec2(solids_of[of_pair], solids_of[of_pair + 1u]);
+            uvec2 nodes = max(max(columns.xz, columns.yw), no_higher);
+            solid = max(solid, max(no_higher.x, no_higher.y));
             level_2[side] = max(level_2[side], max(nodes.x, nodes.y));
             if (floats) {
                 uvec4 over = uvec4(0u);
@@ -143,4 +150,8 @@ void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats
         else pool_store(derived, list, pool_load(derived, list) & 0xFFFF0000u | solid);
     }
     store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << DERIVED_BLOCKS_LOG2 | node.x), level_2);
+}
+
+void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats) {
+    store_levels_1_and_2(derived, half_block, west, floats, uint[](0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u));
 }

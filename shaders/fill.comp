@@ -23,11 +23,10 @@ bool holds_any(ivec2 block) {
     return list != 0u && pool_load(derived, list + 1u + IS_WIDE + LIST_TOP) != 0u;
 }
 
-// Whether there is something on two sides of a derived block, so that it does not lie beyond the border of what there is.
-bool is_among(ivec2 block) {
-    const ivec2 axes[4] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1));
-    for (int k = 0; k < 4; k++) if (holds_any(block - axes[k]) && holds_any(block + axes[k])) return true;
-    return false;
+// Whether there is something on all sides of a derived block: it does not lie on the border of what there is.
+bool is_inner(ivec2 block) {
+    for (int k = 0; k < 9; k++) if (!holds_any(block + ivec2(k % 3, k / 3) - 1)) return false;
+    return true;
 }
 
 // Whether anything floats in the derived blocks around one.
@@ -101,12 +100,12 @@ void main() {
         uint first = west + side * block_words(IS_WIDE);
         ivec2 block = ivec2(origin >> 2u) + ivec2(side, 0);
         if (!is_under(block)) continue;
-        bool among = is_among(block);
+        bool inner_block = is_inner(block);
         uint list = list_of(derived, block_of(origin) + side, IS_WIDE);
         for (uint inner = 0u; inner < 16u; inner++) {
             uvec2 column = origin + uvec2(side * 4u + (inner & 3u), inner >> 2u), nearest;
             uint code = solid_code(derived, column, IS_WIDE);
-            if (code != 0u || !(among || list != 0u && code_in(derived, list, OF_FLOATS, inner, IS_WIDE) != 0u)) continue;
+            if (code != 0u || !(inner_block || list != 0u && code_in(derived, list, OF_FLOATS, inner, IS_WIDE) != 0u)) continue;
             for (uint level = 2u; level <= MEANS_LEVEL && code == 0u; level++) {
                 code = between(column, level, nearest);
                 if (code == 0u) continue;

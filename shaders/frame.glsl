@@ -56,7 +56,8 @@ struct Node {
     uint wide;     // 1 where codes are wide
     uint beside[4]; // slots of the sections of its size and detail to the east, west, north and south, or NO_NODE
     uint floats;    // 1 where something of its section may float
-    uint pad[3];    // a cache line
+    uint corners;   // first word of its corners in what is derived of it; 0: its tops are no smooth surface
+    uint pad[2];    // a cache line
 };
 
 bool is_section(uint top) { return (top & TOP_SECTION) != 0u; }
@@ -124,6 +125,7 @@ int node_base(uint slot) { return int(node_word(slot, NODE_BASE)); }
 uint node_wide(uint slot) { return node_word(slot, NODE_WIDE); }
 uint node_beside(uint slot, uint side) { return node_word(slot, NODE_BESIDE + side); }
 uint node_floats(uint slot) { return node_word(slot, NODE_FLOATS); }
+uint node_corners(uint slot) { return node_word(slot, NODE_CORNERS); }
 #else
 uint beam_at(uint tile) { log_load(frame.beams, tile); return BEAM[tile]; }
 uvec2 node_key(uint slot) { log_node(slot, NODE_KEY); return NODE[slot].key; }
@@ -134,6 +136,7 @@ int node_base(uint slot) { log_node(slot, NODE_BASE); return NODE[slot].base; }
 uint node_wide(uint slot) { log_node(slot, NODE_WIDE); return NODE[slot].wide; }
 uint node_beside(uint slot, uint side) { log_node(slot, NODE_BESIDE + side); return NODE[slot].beside[side]; }
 uint node_floats(uint slot) { log_node(slot, NODE_FLOATS); return NODE[slot].floats; }
+uint node_corners(uint slot) { log_node(slot, NODE_CORNERS); return NODE[slot].corners; }
 #endif
 
 // t beyond which a ray has left everything; an axis along which it does not move is crossed later than that.

@@ -1,5 +1,7 @@
 // What a ray hits in a column: its top, or its side. A column is solid from its top down; a ray hits where it first is at or
 // below the top inside the cell.
+// With SMOOTH the top is a surface between four corners, bilinear; what is seen of what is solid at a jump, and at the border of
+// what there is, is a side.
 // Needs frame.glsl.
 
 // A ray that is walked, mirrored so that it goes east and north.
@@ -68,6 +70,49 @@ Hit span_hit_in(in Walk walk, Ray ray, Stay stay, Hit found, int bottom) {
     if (found.face == FACE_WEST || found.face == FACE_SOUTH)
         found.face += uint(found.face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
     return found;
+}
+#endif
+
+#ifdef SMOOTH
+// A corner is no farther above its column's top, cells: the mean of four that rise by a jump each.
+const float MOST_CORNER = 1.5 * float(JUMP_QUARTERS) / 4.0;
+
+// Entries so little below the surface, cells, are not by a side: what rounding makes of two columns that share an edge.
+const float SIDE_LEAST = 0.003;
+
+// When the ray comes to the surface of a column (`cell`, mirrored, of `detail`) while it is there from `t` to `t_end`; FAR: it does
+// not. `four`: heights of the corners that are south-west, south-east, north-west and north-east to a ray so mirrored.
+// `side`: it comes in below.
+float surface_contact(in Walk walk, Ray ray, float t, float t_end, ivec2 cell, int detail, ivec4 four, out bool side) {
+    float size = float(1 << detail);
+    bvec2 still = lessThan(abs(ray.step.xy), vec2(1e-20));
+    vec2 speed = mix(abs(ray.step.xy), vec2(0.0), still) / size;
+    vec2 borders = vec2((cell << detail) - walk.origin);
+    vec2 at = mix((vec2(t) - (borders - walk.fraction) * walk.inverse) * speed, (ray.fraction.xy - borders) / size, still);
+    at = clamp(at, 0.0, 1.0);
+    // Height above the surface s lengths on: f0 + f1 s + f2 s².
+    float east = float(four.y - four.x), north = float(four.z - four.x), twist = float(four.w - four.z) - east;
+    float rise = mix(walk.z0 - float(four.x), float(ray.cell.z - four.x) + ray.fraction.z, frame.origin_step == 1.0);
+    float f0 = fma(t, walk.dz, rise) - (east * at.x + north * at.y + twist * at.x * at.y);
+    side = f0 < -SIDE_LEAST * size * frame.cell_steps;
+    if (f0 <= 0.0) return t;
+    float f1 = walk.dz - (east * speed.x + north * speed.y + twist * (at.x * speed.y + at.y * speed.x));
+    float f2 = -twist * speed.x * speed.y;
+    float rest = t_end - t, f_end = fma(rest, fma(rest, f2, f1), f0);
+    float root = f1 * f1 - 4.0 * f0 * f2, q = 0.5 * (abs(f1) + sqrt(max(root, 0.0)));
+    // From above it comes on a way down, or on one that has yet to bend down.
+    float s = f1 < 0.0 ? f0 / q : q / max(-f2, 1e-30);
+    if (f_end <= 0.0) return t + clamp(s, 0.0, rest);
+    // Through a hump and out again.
+    return f1 < 0.0 && f2 > 0.0 && root >= 0.0 && s < rest ? t + s : FAR;
+}
+
+// Heights of a column's corners as they are to a ray so mirrored.
+ivec4 mirrored(in Walk walk, int base, uvec4 codes) {
+    ivec4 four = base + ivec4(codes);
+    if (walk.mirror.x != 0) four = four.yxwz;
+    if (walk.mirror.y != 0) four = four.zwxy;
+    return four;
 }
 #endif
 

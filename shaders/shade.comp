@@ -12,6 +12,9 @@
 #include "frame.glsl"
 #include "lookup.glsl"
 #include "color.glsl"
+#ifdef SMOOTH
+#include "corners.glsl"
+#endif
 
 layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
 
@@ -76,8 +79,38 @@ vec2 slope_at(inout Here here, inout int shown, int detail, ivec2 column, float 
     return vec2(yy * xh.x - xy * xh.y, xx * xh.y - xy * xh.x) / (xx * yy - xy * xy);
 }
 
-// Share of the sky seen from height `z` over `column`, in directions with a part along `outward` (0: all).
-float sky_at(inout Here here, inout int shown, int detail, ivec2 column, float z, vec2 outward, float cell_steps) {
+#ifdef SMOOTH
+// Slope of the surface about a place (cells from the middle of a column) at height `z`: least squares over the columns less than two
+// cells away, those on another surface counting little. It does not jump from column to column.
+vec2 slope_about(inout Here here, inout int shown, int detail, ivec2 column, vec2 place, float z, float cell_steps) {
+    float n = 1e-6;
+    vec3 squares = vec3(0.0); // xx, xy, yy
+    vec3 mean = vec3(0.0);    // x, y, height
+    vec2 rises = vec2(0.0);
+    for (int y = -2; y <= 2; y++) {
+        for (int x = -2; x <= 2; x++) {
+            vec2 to = vec2(x, y) - place;
+            float d2 = dot(to, to), other;
+            if (d2 >= 4.0 || !top_at(here, shown, detail, column + ivec2(x, y), other)) continue;
+            float rise = (other - z) / cell_steps;
+            float excess = rise * rise / (d2 + 0.5); // squared slope, nearly
+            float weight = (1.0 - 0.25 * d2) / (1.0 + excess * excess);
+            n += weight;
+            mean += weight * vec3(to, rise);
+            squares += weight * vec3(to.x * to.x, to.x * to.y, to.y * to.y);
+            rises += weight * rise * to;
+        }
+    }
+    squares += vec3(0.05, 0.0, 0.05) - vec3(mean.x * mean.x, mean.x * mean.y, mean.y * mean.y) / n;
+    rises -= mean.z * mean.xy / n;
+    return vec2(squares.z * rises.x - squares.y * rises.y, squares.x * rises.y - squares.y * rises.x)
+         / (squares.x * squares.z - squares.y * squares.y);
+}
+#endif
+
+// Share of the sky seen from height `z` over `column`, in directions with a part along `outward` (0: all); `place`: from where,
+// cells from its middle.
+float sky_at(inout Here here, inout int shown, int detail, ivec2 column, vec2 place, float z, vec2 outward, float cell_steps) {
     const ivec2 directions[8] = ivec2[](ivec2(1, 0), ivec2(1, 1), ivec2(0, 1), ivec2(-1, 1), ivec2(-1, 0), ivec2(-1, -1), ivec2(0, -1), ivec2(1, -1));
     const int reach[5] = int[](1, 2, 4, 7, 12);
     float seen = 0.0, all_ways = 0.0;
@@ -85,14 +118,23 @@ float sky_at(inout Here here, inout int shown, int detail, ivec2 column, float z
         if (dot(vec2(directions[d]), outward) < 0.0) continue;
         float unit = cell_steps * length(vec2(directions[d]));
         float horizon = 0.0; // tangent
+#ifdef SMOOTH
+        // What the next column rises by is the surface's slope.
+        for (int r = 1; r < 5; r++) {
+#else
         for (int r = 0; r < 5; r++) {
+#endif
             float other;
 #ifdef STACKED
             // Of what floats over what is solid only the nearest dims it: a crown its foot, a wire no swath.
             over = of_span || r < 2;
 #endif
             if (top_at(here, shown, detail, column + directions[d] * reach[r], other))
+#ifdef SMOOTH
+                horizon = max(horizon, (other - z) / (cell_steps * length(vec2(directions[d] * reach[r]) - place)) - 0.08);
+#else
                 horizon = max(horizon, (other - z) / (unit * float(reach[r])) - 0.08);
+#endif
         }
         seen += 1.0 / (1.0 + horizon * horizon); // cosine-weighted: cos² of the horizon's elevation
         all_ways += 1.0;
@@ -148,6 +190,26 @@ void main() {
         span = hit.z >> HIT_STEPS_SHIFT;
         is_span = over = of_span = span != 0u;
 #endif
+        vec2 place = vec2(0.0);
+        float edge = top;
+        uint ramp_height = hit.w;
+#ifdef SMOOTH
+        uint corners = node_corners(hit.y);
+        if (!is_span && corners != 0u) {
+            // Where in its column it is, and how high the surface is there.
+            float size = float(1 << detail);
+            vec2 in_column = vec2(ray.cell.xy - (column << detail)) + fma(vec2(uintBitsToFloat(hit.x)), ray.step.xy, ray.fraction.xy);
+            in_column = clamp(in_column / size, 0.0, 1.0);
+            place = in_column - 0.5;
+            vec4 four = vec4(node_base(hit.y) + ivec4(corners_of(node_pyramid(hit.y), corners, inner, node_wide(hit.y))));
+            vec2 ends = mix(four.xz, four.yw, in_column.x);
+            edge = mix(ends.x, ends.y, in_column.y);
+            if (face == FACE_TOP) {
+                z = edge;
+                if (frame.shade == SHADE_LIT) ramp_height = uint(int(round(edge)));
+            }
+        }
+#endif
         // Columns are solid without end: below the slab a lit image shows what is behind their sides.
         if (frame.shade == SHADE_LIT && face != FACE_TOP && !is_span) {
             float ground = ground_at(detail, column);
@@ -163,7 +225,7 @@ void main() {
 #else
         uint shows = shown_at(hit.y, inner);
 #endif
-        vec3 albedo = is_slab ? SLAB : linear_of(srgb_of(shows, hit.w));
+        vec3 albedo = is_slab ? SLAB : linear_of(srgb_of(shows, ramp_height));
         color = vec4(albedo, 1.0);
         if (is_hit) bits = bits_of(shows, hit.y, inner, face, is_span);
 
@@ -171,7 +233,13 @@ void main() {
             float cell_steps = frame.cell_steps * float(1 << detail);
             vec2 outward = vec2(0.0);
             vec3 normal;
+#ifdef SMOOTH
+            vec2 slope = vec2(0.0);
+            if (is_span || corners == 0u) slope = is_slab ? slope : slope_at(here, shown, detail, column, top, cell_steps);
+            else if (!is_slab) slope = slope_about(here, shown, detail, column, place, edge, cell_steps);
+#else
             vec2 slope = is_slab ? vec2(0.0) : slope_at(here, shown, detail, column, top, cell_steps);
+#endif
             // Gentle slopes by more than twice, so that beds and ruts show; steep ones as they are.
             slope *= 1.0 + 1.3 / (1.0 + 4.0 * dot(slope, slope));
             vec3 up = normalize(vec3(-slope, 1.0));
@@ -182,12 +250,19 @@ void main() {
             } else {
                 outward = face == FACE_WEST ? vec2(-1, 0) : face == FACE_EAST ? vec2(1, 0) : face == FACE_SOUTH ? vec2(0, -1) : vec2(0, 1);
                 // A low step of a slope is part of the slope; a wall is a wall.
-                float drop = (top - z) / cell_steps;
-                normal = normalize(mix(up, vec3(outward, 0.0), smoothstep(0.2, 1.5, drop + 0.6)));
+                float drop = (edge - z) / cell_steps;
+                float wall = smoothstep(0.2, 1.5, drop + 0.6);
+#ifdef SMOOTH
+                // Beside a surface that is much lower it is one up to the very edge.
+                float other;
+                bool is_beside = top_at(here, shown, detail, column + ivec2(outward), other);
+                if (!is_span && corners != 0u) wall = max(wall, is_beside ? smoothstep(0.5, 1.5, (top - other) / cell_steps) : 1.0);
+#endif
+                normal = normalize(mix(up, vec3(outward, 0.0), wall));
             }
             // The slab is one plain band.
             if (is_slab) normal = vec3(outward, 0.0);
-            float sky_seen = is_slab ? 1.0 : sky_at(here, shown, detail, column, z, outward, cell_steps);
+            float sky_seen = is_slab ? 1.0 : sky_at(here, shown, detail, column, place, z, outward, cell_steps);
 #ifdef STACKED
             // Beneath what floats there is less sky.
             if (!is_span && face == FACE_TOP && is_under_floats(hit.y, inner)) sky_seen *= UNDER_FLOATS;

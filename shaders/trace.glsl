@@ -4,6 +4,9 @@
 #ifdef STACKED
 #include "floats.glsl"
 #endif
+#ifdef SMOOTH
+#include "corners.glsl"
+#endif
 #include "leaf.glsl"
 #include "walk.glsl"
 

@@ -10,7 +10,8 @@
 // The loops are one function on purpose (docs/performance.md): taken apart they took longer, and lavapipe (Mesa 22.3) and
 // SwiftShader lost hits, it seems where a value of a thread that had left a loop was still computed for it.
 // With STACKED, spans that float are looked for, too.
-// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl; STACKED: floats.glsl.
+// With SMOOTH, too, the surface of what is solid is looked for in each column, whose height alone is no bound.
+// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl; STACKED: floats.glsl; SMOOTH: corners.glsl.
 
 // Inverse of a step that is none.
 const float STILL = 1e30;
@@ -152,6 +153,9 @@ Hit trace(Ray ray, float start, int level) {
         uint span = 0u;
         int bottom = 0;
 #endif
+#ifdef SMOOTH
+        bool side = false;
+#endif
         // From section to section, as long as they are of one size.
         while (true) {
         Section section = section_in(hit.slot, detail);
@@ -164,6 +168,9 @@ Hit trace(Ray ray, float start, int level) {
         bool look = false;
         int highest_here = 0;
 #endif
+#ifdef SMOOTH
+        uint corners = node_corners(hit.slot);
+#endif
         while (true) {
             hit.steps++;
             log_step();
@@ -173,9 +180,20 @@ Hit trace(Ray ray, float start, int level) {
             uint code = code_at(section, level, node ^ flip);
             int highest = height_of(section, code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
+#ifdef SMOOTH
+            if (level == finest && corners != 0u) {
+                float above = MOST_CORNER * frame.cell_steps * float(1 << detail);
+                down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) + above && (t_exit > t || touches);
+            }
+#endif
 #ifdef STACKED
             if (level - detail == 1 || level - detail == 2) near = (code & 1u) != 0u;
-            if (down && !clear && floats && near && (level == finest || level - detail == 2)) {
+#ifdef SMOOTH
+            bool is_looked_at = floats && near && (level == finest || level - detail == 2) || level == finest && corners != 0u;
+#else
+            bool is_looked_at = floats && near && (level == finest || level - detail == 2);
+#endif
+            if (down && !clear && is_looked_at) {
                 look = true;
                 highest_here = highest;
                 break;
@@ -209,7 +227,8 @@ Hit trace(Ray ray, float start, int level) {
         if (!look) break;
         uvec2 inner = uvec2((node ^ flip) >> max(detail - level, 0)) & (SECTION_SIDE >> max(level - detail, 0)) - 1u;
         uvec2 block = level == finest ? inner >> 2u : inner;
-        uint list = list_of(section.pyramid, block.y << DERIVED_BLOCKS_LOG2 | block.x, section.wide);
+        uint list = 0u;
+        if (floats) list = list_of(section.pyramid, block.y << DERIVED_BLOCKS_LOG2 | block.x, section.wide);
         float z = fma(t, walk.dz, walk.z0), z_exit = fma(t_exit, walk.dz, walk.z0);
         bool solid = true;
         uint spans_here = 0u;
@@ -231,6 +250,14 @@ Hit trace(Ray ray, float start, int level) {
         }
         // The first contact, of several at once that of the larger record, which comes first.
         float first_contact = !solid ? FAR : z <= float(highest_here) ? t : t_of(walk, ray, t, t_exit, highest_here);
+#ifdef SMOOTH
+        if (corners != 0u) {
+            uvec4 codes = corners_of(section.pyramid, corners, inner, section.wide);
+            first_contact = FAR;
+            ivec4 four = mirrored(walk, section.base, codes);
+            if (codes.x != 0u) first_contact = surface_contact(walk, ray, t, t_exit, node >> detail - level, detail, four, side);
+        }
+#endif
         uvec2 spans = uvec2(0u);
         if (spans_here != 0u) spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
         uint from = 0u;
@@ -250,6 +277,9 @@ Hit trace(Ray ray, float start, int level) {
             found = true;
             top = highest_here;
             t_end = t_exit;
+#ifdef SMOOTH
+            if (span == 0u && corners != 0u) t_end = first_contact;
+#endif
             break;
         }
         clear = true;
@@ -273,6 +303,12 @@ Hit trace(Ray ray, float start, int level) {
 #ifdef STACKED
             if (span != 0u) return span_hit_in(walk, ray, Stay(t, t_end, face), Hit(t, hit.slot, column, face, top, span), bottom);
             hit.steps = 0u;
+#endif
+#ifdef SMOOTH
+            if (node_corners(hit.slot) != 0u) {
+                if (face == FACE_WEST || face == FACE_SOUTH) face += uint(face == FACE_WEST ? walk.mirror.x : walk.mirror.y);
+                return Hit(t_end, hit.slot, column, side ? face : FACE_TOP, top, 0u);
+            }
 #endif
             return hit_in(walk, ray, Stay(t, t_end, face), Hit(t, hit.slot, column, face, top, hit.steps));
         }

@@ -287,7 +287,7 @@ mod tests {
             |options: &[&str]| Typed::try_parse_from(options).unwrap().args.view().unwrap().data.surface;
         assert_eq!(surface(&[]), Surface::Stacks);
         assert_eq!(surface(&["--surface=columns"]), Surface::Columns);
-        for kind in [Surface::Columns, Surface::Stacks] {
+        for kind in [Surface::Columns, Surface::Stacks, Surface::Smooth] {
             assert_eq!(surface(&["--surface", kind.name()]), kind);
         }
     }

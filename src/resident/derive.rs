@@ -49,6 +49,8 @@ enum Plane {
     Measured,
     /// Level 0 of the pyramid, and what columns show.
     Columns,
+    /// Corners of columns.
+    Corners,
     /// Levels 1 and 2.
     LowerLevels,
     /// Levels 3 to 8.
@@ -71,6 +73,8 @@ enum Of {
     Columns,
     /// Those of stacks.
     Stacks,
+    /// Those of smooth surfaces.
+    Smooth,
     /// All.
     Both,
 }
@@ -80,7 +84,7 @@ struct PassDeclaration {
     name: &'static str,
     by_address: &'static [u32],
     by_buffer: &'static [u32],
-    /// Columns beyond its section that it reads.
+    /// Columns beyond its section that what it writes follows from.
     reach: u32,
     reads: &'static [Plane],
     writes: &'static [Plane],
@@ -97,12 +101,13 @@ enum Pass {
     Means,
     Bridge,
     Fill,
+    Corners,
     Pyramid,
     FloatNodes,
 }
 
 /// Where nothing is bridged, the first pass writes the lower levels too.
-const PASSES: [PassDeclaration; 8] = [
+const PASSES: [PassDeclaration; 9] = [
     PassDeclaration {
         name: "tops",
         by_address: shaders::TOPS,
@@ -164,6 +169,17 @@ const PASSES: [PassDeclaration; 8] = [
         of: Of::Stacks,
     },
     PassDeclaration {
+        name: "corners",
+        by_address: shaders::CORNERS,
+        by_buffer: shaders::CORNERS_SSBO,
+        // A column beside those that are bridged.
+        reach: LONGEST_BRIDGE + 1,
+        reads: &[Plane::Columns],
+        writes: &[Plane::Corners, Plane::LowerLevels],
+        grain: Grain::HalfBlock,
+        of: Of::Smooth,
+    },
+    PassDeclaration {
         name: "pyramid",
         by_address: shaders::PYRAMID,
         by_buffer: shaders::PYRAMID_SSBO,
@@ -189,13 +205,14 @@ const PASSES: [PassDeclaration; 8] = [
 type Variant = [bool; 3];
 
 impl Pass {
-    const ALL: [Pass; 8] = [
+    const ALL: [Pass; 9] = [
         Pass::Tops,
         Pass::StackTops,
         Pass::Floaters,
         Pass::Means,
         Pass::Bridge,
         Pass::Fill,
+        Pass::Corners,
         Pass::Pyramid,
         Pass::FloatNodes,
     ];
@@ -204,15 +221,23 @@ impl Pass {
         &PASSES[self as usize]
     }
 
-    /// The passes that run with or without bridges: those that follow from a section alone, and those from the first on
-    /// that reads its neighbours.
-    fn phases(bridge: bool) -> [Vec<Pass>; 2] {
+    /// The passes that run with or without bridges, and with or without smooth surfaces: those that follow from a section
+    /// alone, and those from each on that reads its neighbours.
+    fn phases(bridge: bool, smooth: bool) -> Vec<Vec<Pass>> {
         // Holes are filled where they are bridged.
-        let runs = |pass: &Pass| bridge || !matches!(pass, Pass::Means | Pass::Bridge | Pass::Fill);
-        let mut own: Vec<_> = Pass::ALL.into_iter().filter(runs).collect();
-        let first = own.iter().position(|pass| pass.declared().reach > 0).unwrap_or(own.len());
-        let near = own.split_off(first);
-        [own, near]
+        let runs = |pass: &Pass| match pass {
+            Pass::Means | Pass::Bridge | Pass::Fill => bridge,
+            Pass::Corners => smooth,
+            _ => true,
+        };
+        let mut phases = vec![Vec::new()];
+        for pass in Pass::ALL.into_iter().filter(runs) {
+            if pass.declared().reach > 0 {
+                phases.push(Vec::new());
+            }
+            phases.last_mut().expect("there is one").push(pass);
+        }
+        phases
     }
 
     /// Whether its variants differ by the mask.
@@ -250,8 +275,8 @@ pub fn pipeline_descs(access: Access, surface: Surface, bridge: bool) -> [Vec<Pi
     let is_usual = |&(pass, [wide, _, bridged]): &(Pass, Variant)| {
         !wide
             && (!pass.is_masked() || bridged == bridge)
-            && Pass::phases(bridge).concat().contains(&pass)
-            && (surface == Surface::Stacks || pass.declared().of != Of::Stacks)
+            && Pass::phases(bridge, surface == Surface::Smooth).concat().contains(&pass)
+            && (surface.floats() || pass.declared().of != Of::Stacks)
     };
     let (usual, others): (Vec<_>, Vec<_>) = all.partition(is_usual);
     [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.desc(variant, access)).collect())
@@ -286,29 +311,30 @@ impl Changed {
         self.0 >> ((north + 1) * 3 + east + 1) & 1 != 0
     }
 
-    /// The half blocks that follow from them, as rectangles that do not overlap: first half block and how many, each east
-    /// and north.
-    fn areas(self) -> Vec<[[u32; 2]; 2]> {
+    /// The half blocks that follow from them up to `reach` columns on, as rectangles that do not overlap: first half block and
+    /// how many, each east and north.
+    fn areas(self, reach: u32) -> Vec<[[u32; 2]; 2]> {
         let [width, height] = HALF_BLOCKS;
+        let [across, up] = HALF_BLOCK.map(|columns| reach.div_ceil(columns));
         if self.0 & Self::OWN != 0 {
             return vec![[[0, 0], [width, height]]];
         }
         let mut areas = Vec::new();
         let (west, east) = (self.has(-1, 0), self.has(1, 0));
-        for (is_near, x) in [(west, 0), (east, width - 1)] {
+        for (is_near, x) in [(west, 0), (east, width - across)] {
             if is_near {
-                areas.push([[x, 0], [1, height]]);
+                areas.push([[x, 0], [across, height]]);
             }
         }
-        for (north, y) in [(-1, 0), (1, height - 1)] {
+        for (north, y) in [(-1, 0), (1, height - up)] {
             if self.has(0, north) {
-                let first = u32::from(west);
-                areas.push([[first, y], [width - first - u32::from(east), 1]]);
+                let [first, last] = [west, east].map(|is_near| if is_near { across } else { 0 });
+                areas.push([[first, y], [width - first - last, up]]);
                 continue;
             }
-            for (side, is_near, x) in [(-1, west, 0), (1, east, width - 1)] {
+            for (side, is_near, x) in [(-1, west, 0), (1, east, width - across)] {
                 if self.has(side, north) && !is_near {
-                    areas.push([[x, y], [1, 1]]);
+                    areas.push([[x, y], [across, up]]);
                 }
             }
         }
@@ -331,6 +357,9 @@ pub struct Task {
     /// Of stacks: log2 height steps of a slice, those that what floats reaches down below its points, and in how many half
     /// blocks anything may.
     pub stacks: Option<[u32; 3]>,
+    /// Of smooth surfaces: height steps by which what hangs together rises from a column to the next at most, and the first
+    /// word of the corners.
+    pub smooth: Option<[u32; 2]>,
     /// Codes take 32 bits.
     pub wide: bool,
     /// Every run is visible.
@@ -353,7 +382,9 @@ struct Job {
     slice: u32,
     thickness: u32,
     lists: u32,
-    spare: u32,
+    jump: u32,
+    corners: u32,
+    spare: [u32; 3],
 }
 
 impl Task {
@@ -361,6 +392,7 @@ impl Task {
         let word = |[east, north]: [u32; 2]| east | north << 16;
         let Task { section, near, steepest, tie, .. } = *self;
         let [slice, thickness, lists] = self.stacks.unwrap_or_default();
+        let [jump, corners] = self.smooth.unwrap_or_default();
         Job {
             section,
             near,
@@ -371,7 +403,9 @@ impl Task {
             slice,
             thickness,
             lists,
-            spare: 0,
+            jump,
+            corners,
+            spare: [0; 3],
         }
     }
 
@@ -380,6 +414,7 @@ impl Task {
         match pass.declared().of {
             Of::Columns => self.stacks.is_none(),
             Of::Stacks => self.stacks.is_some(),
+            Of::Smooth => self.smooth.is_some(),
             Of::Both => true,
         }
     }
@@ -389,11 +424,13 @@ impl Task {
         match pass.declared().grain {
             Grain::Section => vec![(1, self.job([[0; 2]; 2]))],
             Grain::HalfBlock => {
+                // What reads no neighbour follows from bridges, at least.
+                let reach = pass.declared().reach.max(LONGEST_BRIDGE);
                 let of_area = |area: [[u32; 2]; 2]| {
                     let [_, [width, height]] = area;
                     ((width * height).div_ceil(GROUP_THREADS), self.job(area))
                 };
-                self.changed.areas().into_iter().map(of_area).collect()
+                self.changed.areas(reach).into_iter().map(of_area).collect()
             }
         }
     }
@@ -458,8 +495,8 @@ impl Derive {
         self.made
     }
 
-    /// Submits the passes: those that follow from a section alone for `own`, the others for `all`; without bridges there
-    /// are no others. `copied`: ends of the copies that they read. Nothing runs for long: a frame is never far behind.
+    /// Submits the passes: those that follow from a section alone for `own`, the others for `all`; without bridges and smooth
+    /// surfaces there are no others. `copied`: ends of the copies that they read. Nothing runs for long: a frame is never far behind.
     /// Gives how many sections were derived.
     pub fn run(
         &mut self,
@@ -472,8 +509,10 @@ impl Derive {
         // The first pass takes whole sections.
         debug_assert!(own.iter().all(|task| task.changed == Changed::ITSELF));
         let bridge = visibility.bridge > 0;
-        // Without bridges nothing follows from what neighbours hold.
-        let all = if bridge { all } else { &[] };
+        let smooth = own.iter().chain(all).any(|task| task.smooth.is_some());
+        // Otherwise nothing follows from what neighbours hold.
+        let near = bridge || smooth;
+        let all = if near { all } else { &[] };
         if own.is_empty() && all.is_empty() {
             return Ok(0);
         }
@@ -486,7 +525,8 @@ impl Derive {
             after.extend(submitter.submits.last_copy);
         }
         let mut built = None;
-        for (passes, tasks) in Pass::phases(bridge).iter().zip([own, all]) {
+        let tasks = std::iter::once(own).chain(std::iter::repeat(all));
+        for (passes, tasks) in Pass::phases(bridge, smooth).iter().zip(tasks) {
             for tasks in tasks.chunks(LIMITS.submit_sections) {
                 let taken = |pass: &&Pass| tasks.iter().any(|task| task.takes(**pass));
                 let passes: Vec<Pass> = passes.iter().filter(taken).copied().collect();
@@ -512,7 +552,7 @@ impl Derive {
         self.constants.extend(built.map(|point| (point, run.parameters)));
         let too_many = self.constants.len().saturating_sub(LIMITS.spare_constants);
         self.constants.drain(..too_many);
-        Ok(if bridge { all.len() } else { own.len() } as u64)
+        Ok(if near { all.len() } else { own.len() } as u64)
     }
 
     /// Dispatches one pass, each variant for the sections that want it.
@@ -628,7 +668,20 @@ mod tests {
             let pass = [(*name, *by_address), (*name, *by_buffer)];
             assert_in(
                 &pass,
-                &members!(Job { section, near, steepest, first, area, tie, slice, thickness, lists, spare }),
+                &members!(Job {
+                    section,
+                    near,
+                    steepest,
+                    first,
+                    area,
+                    tie,
+                    slice,
+                    thickness,
+                    lists,
+                    jump,
+                    corners,
+                    spare
+                }),
             );
             // Others follow from what the mask has left.
             if matches!(*name, "tops" | "stack tops" | "floaters" | "bridge") {
@@ -639,10 +692,12 @@ mod tests {
 
     #[test]
     fn passes_run_in_an_order_in_which_each_finds_what_it_reads() {
-        for bridge in [false, true] {
-            let [own, near] = Pass::phases(bridge);
-            assert!(own.iter().all(|pass| pass.declared().reach == 0));
-            let all: Vec<_> = own.into_iter().chain(near).collect();
+        for [bridge, smooth] in [[false, false], [true, false], [false, true], [true, true]] {
+            let phases = Pass::phases(bridge, smooth);
+            assert!(phases[0].iter().all(|pass| pass.declared().reach == 0));
+            assert!(phases.iter().all(|phase| phase[1..].iter().all(|pass| pass.declared().reach == 0)));
+            assert_eq!(phases.len(), 1 + usize::from(bridge) + usize::from(smooth));
+            let all = phases.concat();
             for (k, pass) in all.iter().enumerate() {
                 let is_written = |plane: &Plane| {
                     *plane == Plane::Runs || all[..k].iter().any(|p| p.declared().writes.contains(plane))
@@ -651,6 +706,7 @@ mod tests {
                 assert!(k == 0 || all[..k].iter().any(|earlier| pass.follows(*earlier)), "{pass:?}");
             }
             assert_eq!(all.contains(&Pass::Bridge), bridge);
+            assert_eq!(all.contains(&Pass::Corners), smooth);
         }
     }
 
@@ -658,9 +714,11 @@ mod tests {
     #[test]
     fn areas_are_what_lies_within_reach_of_what_has_changed() {
         let side = SECTION_SIDE as i32;
-        for bits in 0..1u16 << 9 {
+        let cases =
+            [LONGEST_BRIDGE, LONGEST_BRIDGE + 1].map(|reach| (0..1u16 << 9).map(move |bits| (reach, bits)));
+        for (reach, bits) in cases.into_iter().flatten() {
             let mut times = HashMap::new();
-            for [first, size] in Changed(bits).areas() {
+            for [first, size] in Changed(bits).areas(reach) {
                 for y in first[1]..first[1] + size[1] {
                     for x in first[0]..first[0] + size[0] {
                         *times.entry([x, y]).or_insert(0) += 1;
@@ -669,7 +727,7 @@ mod tests {
             }
             for y in 0..HALF_BLOCKS[1] {
                 for x in 0..HALF_BLOCKS[0] {
-                    let reach = LONGEST_BRIDGE as i32;
+                    let reach = reach as i32;
                     let low = [(x * HALF_BLOCK[0]) as i32 - reach, (y * HALF_BLOCK[1]) as i32 - reach];
                     let high = [
                         ((x + 1) * HALF_BLOCK[0]) as i32 - 1 + reach,

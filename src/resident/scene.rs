@@ -16,12 +16,15 @@ use crate::coords::{Grid, Height, SectionKey};
 use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, MemoryKind, Order, SyncPoint};
 use crate::limits::LIMITS;
 use crate::section::{HighestOf, Layout, Payload, PayloadKey, device_bytes};
+use crate::shared::passes::JUMP_QUARTERS;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 /// Most height steps a cell by which the ends of a gap may differ and it still be a slope: the ends of a gap are up to five
 /// cells apart, and their rise must fit a signed number of 32 bits.
 const STEEPEST: f64 = (i32::MAX / 5) as f64;
+/// The same of what is a jump: three of them fit a signed number.
+const MOST_JUMP: f64 = (i32::MAX / 5) as f64;
 /// Heights are alike, where near ties count, if they differ by less than this share of a finest cell's side,
 const TIE: f64 = 0.125;
 /// and by no more units.
@@ -140,6 +143,8 @@ pub struct Scene {
     counters: Counters,
     generation: u64,
     defers_uploads: bool,
+    /// A smooth surface is or was among what is here.
+    smooth: bool,
 }
 
 /// What transfers and derived passes are submitted with, beside them.
@@ -172,6 +177,7 @@ impl Scene {
             counters: Counters::default(),
             generation: 0,
             defers_uploads: false,
+            smooth: false,
         })
     }
 
@@ -245,6 +251,7 @@ impl Scene {
     fn add_version(&mut self, key: PayloadKey, version: Version) {
         self.counters.section_bytes += version.layout.uploaded_bytes();
         self.counters.sections += 1;
+        self.smooth |= version.layout.smooth;
         let overtaken = self.sections.entry(key).or_default().pending.replace(version);
         if let Some(old) = overtaken {
             self.release(old);
@@ -351,10 +358,15 @@ impl Scene {
         Ok(())
     }
 
+    /// Whether anything of a section follows from what its neighbours hold.
+    fn follows_from_neighbours(&self) -> bool {
+        self.visibility.bridge > 0 || self.smooth
+    }
+
     /// What follows from columns of `keys` that have come, changed or gone: those sections and their neighbours.
     fn changed_by(&self, keys: impl Iterator<Item = PayloadKey>) -> BTreeMap<PayloadKey, Changed> {
         let mut changed: BTreeMap<_, Changed> = BTreeMap::new();
-        if self.visibility.bridge == 0 {
+        if !self.follows_from_neighbours() {
             // Nothing follows from what neighbours hold.
             return changed;
         }
@@ -420,6 +432,10 @@ impl Scene {
             stacks: version.layout.floats.map(|floats| {
                 let stacking = self.grid.stacking(key.section.level);
                 [stacking.slice_log2, stacking.thickness as u32, floats.lists]
+            }),
+            smooth: version.layout.corners().map(|first| {
+                let jump = f64::from(JUMP_QUARTERS) / 4.0 * self.grid.cell_steps(key.section.level);
+                [jump.clamp(1.0, MOST_JUMP) as u32, first]
             }),
             steepest: self.grid.cell_steps(key.section.level).clamp(1.0, STEEPEST) as u32,
             tie: if has_ties { tie_steps(&self.grid) } else { 0 },
@@ -539,10 +555,10 @@ impl Scene {
         let highest = |key: &PayloadKey| self.highest(*key);
         let entry = |(at, key): (SectionKey, PayloadKey)| {
             let version = self.sections.get(&key)?.published.as_ref()?;
-            // Bridges rise no higher than what they lead to, which may be a neighbour's.
-            let top = match self.visibility.bridge {
-                0 => highest(&key)?,
-                _ => around(key).iter().filter_map(highest).max()?,
+            // Bridges and corners rise no higher than what they lead to, which may be a neighbour's.
+            let top = match self.follows_from_neighbours() {
+                false => highest(&key)?,
+                true => around(key).iter().filter_map(highest).max()?,
             };
             let pyramid = self.transfer.pool().place_to_read(&version.slots.derived, 0);
             Some(Entry {
@@ -551,6 +567,7 @@ impl Scene {
                 pyramid,
                 code: version.layout.code,
                 floats: version.layout.floats.is_some_and(|floats| floats.spans > 0),
+                corners: version.layout.corners(),
                 top,
             })
         };

@@ -8,8 +8,8 @@ use crate::coords::{Height, SECTION_LOG2, SectionKey};
 use crate::section::HeightCode;
 use crate::shared::node::{
     HASH_EAST, HASH_LAST_SHIFT, HASH_LEVEL, HASH_MIX, HASH_NORTH, HASH_SHIFT, KEY_INDEX_MASK,
-    KEY_LEVEL_SHIFT, META_DETAIL_SHIFT, NO_KEY, NO_NODE, NODE_BASE, NODE_BESIDE, NODE_FLOATS, NODE_KEY,
-    NODE_META, NODE_PYRAMID, NODE_TOP, NODE_WIDE, NODE_WORDS, TOP_SECTION,
+    KEY_LEVEL_SHIFT, META_DETAIL_SHIFT, NO_KEY, NO_NODE, NODE_BASE, NODE_BESIDE, NODE_CORNERS, NODE_FLOATS,
+    NODE_KEY, NODE_META, NODE_PYRAMID, NODE_TOP, NODE_WIDE, NODE_WORDS, TOP_SECTION,
 };
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
@@ -36,8 +36,10 @@ pub struct Node {
     pub beside: [u32; 4],
     /// 1 where something of its section may float.
     pub floats: u32,
+    /// First word of its corners where its tops are a smooth surface; 0: they are not.
+    pub corners: u32,
     /// Up to a cache line.
-    pub pad: [u32; 3],
+    pub pad: [u32; 2],
 }
 
 const _: () = {
@@ -50,6 +52,7 @@ const _: () = {
         NODE_WIDE,
         NODE_BESIDE,
         NODE_FLOATS,
+        NODE_CORNERS,
         NODE_WORDS,
     ];
     let bytes = [
@@ -61,6 +64,7 @@ const _: () = {
         offset_of!(Node, wide),
         offset_of!(Node, beside),
         offset_of!(Node, floats),
+        offset_of!(Node, corners),
         size_of::<Node>(),
     ];
     let mut k = 0;
@@ -85,7 +89,8 @@ const UNUSED: Node = Node {
     wide: 0,
     beside: [NO_NODE; 4],
     floats: 0,
-    pad: [0; 3],
+    corners: 0,
+    pad: [0; 2],
 };
 
 /// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
@@ -106,6 +111,8 @@ pub struct Entry {
     pub code: HeightCode,
     /// Something of it may float.
     pub floats: bool,
+    /// First word of its corners, where its tops are a smooth surface.
+    pub corners: Option<u32>,
     /// Nothing that it shows is higher.
     pub top: Height,
 }
@@ -117,6 +124,8 @@ pub struct Table {
     pub slots: Vec<Node>,
     /// Something may float.
     pub floats: bool,
+    /// Tops are a smooth surface somewhere.
+    pub smooth: bool,
     /// log2 cells of the coarsest nodes' side.
     pub top_level: u32,
     /// log2 cells of the largest section's side.
@@ -187,6 +196,7 @@ impl Table {
                 base: e.code.base.wrapping_sub(anchor.0),
                 wide: u32::from(e.code.wide),
                 floats: u32::from(e.floats),
+                corners: e.corners.unwrap_or(0),
                 ..UNUSED
             };
             let other = nodes.insert((level, index), node);
@@ -231,6 +241,7 @@ impl Table {
         Table {
             slots,
             floats: entries.iter().any(|e| e.floats),
+            smooth: entries.iter().any(|e| e.corners.is_some()),
             top_level,
             section_level,
             low: low.map(|i| i << top_level),
@@ -249,7 +260,7 @@ mod tests {
     fn shaders_see_nodes_as_they_are_written() {
         assert_in(
             &readers_of_tables(),
-            &members!(Node { key, top, meta, pyramid, base, wide, beside, floats, pad }),
+            &members!(Node { key, top, meta, pyramid, base, wide, beside, floats, corners, pad }),
         );
         // Where they are texels, `node_word` counts words.
         let words = [
@@ -273,6 +284,7 @@ mod tests {
             pyramid: [i as u32, j as u32 & 0xFFFF],
             top: Height(top),
             floats: false,
+            corners: None,
         }
     }
 

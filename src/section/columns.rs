@@ -57,6 +57,8 @@ pub struct Columns {
     lowest: Height,
     /// What is kept besides, where these are stacks.
     stacks: Option<Box<Stacks>>,
+    /// What is solid of these stacks is a smooth surface.
+    is_smooth: bool,
 }
 
 impl Default for Columns {
@@ -72,6 +74,7 @@ impl Default for Columns {
             highest: Box::new([0; 512]),
             lowest: Height(i32::MAX),
             stacks: None,
+            is_smooth: false,
         }
     }
 }
@@ -112,7 +115,7 @@ type PlanesMut<'a> = (
 impl Pages {
     fn new(surface: Surface) -> Pages {
         const BYTES: usize = RECORDS_BYTES + HEADS_BYTES + COUNTS_BYTES;
-        let lows_bytes = if surface == Surface::Stacks { LOWS_BYTES } else { 0 };
+        let lows_bytes = if surface.floats() { LOWS_BYTES } else { 0 };
         // As where a box finds no memory.
         let failed = |_| std::alloc::handle_alloc_error(std::alloc::Layout::new::<[u8; BYTES]>());
         Pages(MmapMut::map_anon(BYTES + lows_bytes).unwrap_or_else(failed))
@@ -147,6 +150,7 @@ impl Columns {
         match surface {
             Surface::Columns => Columns::default(),
             Surface::Stacks => Columns::stacks(stacking),
+            Surface::Smooth => Columns { is_smooth: true, ..Columns::stacks(stacking) },
         }
     }
 
@@ -316,7 +320,8 @@ impl Columns {
     }
 
     fn layout_with(&self, floats: Option<Floats>) -> Layout {
-        Layout::new(self.occupied.count(), self.further_runs, self.code(), floats)
+        let layout = Layout::new(self.occupied.count(), self.further_runs, self.code(), floats);
+        Layout { smooth: self.is_smooth, ..layout }
     }
 
     fn code(&self) -> HeightCode {

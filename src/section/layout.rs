@@ -111,6 +111,8 @@ pub struct Layout {
     pub words: u32,
     /// Of stacks: what may float. `None`: columns.
     pub floats: Option<Floats>,
+    /// What is solid is a smooth surface: corners of columns are derived, too.
+    pub smooth: bool,
 }
 
 /// What differs between columns and stacks; words.
@@ -138,7 +140,7 @@ impl Layout {
         let counts = sizes.first_block + blocks * sizes.block;
         let others = counts + blocks * payload::COUNT_WORDS;
         let words = others + sizes.run as u32 * further_runs;
-        Layout { code, blocks, counts, others, words, floats }
+        Layout { code, blocks, counts, others, words, floats, smooth: false }
     }
 
     pub(super) fn sizes(&self) -> Sizes {
@@ -174,8 +176,22 @@ impl Layout {
 
     /// Bytes that are derived from them.
     pub fn derived_bytes(&self) -> u64 {
-        let derived = Derived { wide: self.code.wide };
-        self.floats.map_or(derived.bytes(), |floats| derived.bytes_with(floats))
+        let corner_bytes = |first: u32| 4 * (u64::from(first) + u64::from(self.derived().corner_words()));
+        self.corners().map_or(self.bytes_before_corners(), corner_bytes)
+    }
+
+    /// First word of the corners of columns in what is derived, a cache line's first. `None`: there are none.
+    pub fn corners(&self) -> Option<u32> {
+        let first = (self.bytes_before_corners() / 4) as u32;
+        self.smooth.then(|| first.next_multiple_of(LINE_WORDS))
+    }
+
+    fn bytes_before_corners(&self) -> u64 {
+        self.floats.map_or(self.derived().bytes(), |floats| self.derived().bytes_with(floats))
+    }
+
+    fn derived(&self) -> Derived {
+        Derived { wide: self.code.wide }
     }
 }
 
@@ -235,7 +251,7 @@ impl Derived {
 
     /// Where runs may float: first word of what floats, which is that of the places of lists; a cache line's first.
     pub fn floats(self) -> u32 {
-        ((self.bytes() / 4) as u32).next_multiple_of(FLOATS_ALIGN)
+        ((self.bytes() / 4) as u32).next_multiple_of(LINE_WORDS)
     }
 
     /// First word of the nodes of what floats.
@@ -253,6 +269,11 @@ impl Derived {
         self.lists() + 2 * floats.lists * self.list_words()
     }
 
+    /// Words of the corners of all columns: those of a block of 4×4 columns one after the other, row by row, four codes each.
+    pub const fn corner_words(self) -> u32 {
+        payload::SECTION_SIDE * payload::SECTION_SIDE * payload::CORNER_WORDS * self.code_words()
+    }
+
     /// All bytes of stacks: without runs that may float those of columns.
     pub fn bytes_with(self, floats: Floats) -> u64 {
         if floats.spans == 0 {
@@ -262,8 +283,8 @@ impl Derived {
     }
 }
 
-/// What floats starts at a multiple of so many words, a cache line.
-const FLOATS_ALIGN: u32 = 16;
+/// Words of a cache line.
+const LINE_WORDS: u32 = 16;
 
 #[cfg(test)]
 mod tests {

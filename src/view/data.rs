@@ -305,7 +305,14 @@ impl Data {
     ) -> anyhow::Result<Data> {
         let budget = gpu.bytes_for_sections(options.device_bytes);
         let options = ReadOptions { device_bytes: budget, ..options };
-        let scene = Scene::new(gpu, |order| order, access(gpu, budget), budget, options.visibility, NO_GRID)?;
+        let scene = Scene::new(
+            gpu,
+            |order| order,
+            access(gpu, options.surface, budget),
+            budget,
+            options.visibility,
+            NO_GRID,
+        )?;
         let mut data = Data {
             options,
             wake: Arc::new(wake),
@@ -378,7 +385,8 @@ impl Data {
             order
         };
         let budget = self.options.device_bytes;
-        let mut scene = Scene::new(gpu, keep, access(gpu, budget), budget, visibility, grid)?;
+        let mut scene =
+            Scene::new(gpu, keep, access(gpu, self.options.surface, budget), budget, visibility, grid)?;
         scene.defer_uploads(self.is_held);
         self.scene = Some(scene);
         Ok(())
@@ -1013,9 +1021,9 @@ impl Data {
     }
 }
 
-/// Derived parts take less than half of what sections do.
-fn access(gpu: &Gpu, budget: u64) -> Access {
-    Access::best(gpu, budget / 2)
+/// How a pool of so many bytes is reached.
+fn access(gpu: &Gpu, surface: Surface, budget: u64) -> Access {
+    Access::best(gpu, surface.derived_of(budget))
 }
 
 impl Given {

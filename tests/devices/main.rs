@@ -18,6 +18,7 @@ mod looks;
 mod picks;
 #[path = "../common/scene.rs"]
 mod scene;
+mod smooth;
 mod stacks;
 mod story;
 mod table;

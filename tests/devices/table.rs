@@ -29,6 +29,7 @@ fn table() -> (Vec<Entry>, Table) {
             let address = ADDRESSES[k as usize % ADDRESSES.len()] ^ (k as u64) << 8;
             Entry {
                 floats: false,
+                corners: None,
                 key: SectionKey { level: 0, i: k % 7, j: k / 7 },
                 detail: 0,
                 pyramid: [address as u32, (address >> 32) as u32],

@@ -7,6 +7,7 @@ mod scaled;
 #[path = "../common/scene.rs"]
 mod scene;
 mod shifted;
+mod smooth;
 mod stacks;
 
 use common::LAVAPIPE;

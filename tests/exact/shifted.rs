@@ -88,6 +88,8 @@ fn a_shifted_scene_gives_the_same_picture_bit_by_bit() {
                     // Coarser cells lie on a grid of their own, which is not shifted along.
                     if kind == "png" && !arguments.iter().any(|a| a == "--shade") {
                         arguments.extend(["--detail".to_owned(), "0".to_owned()]);
+                        // What stacks are filled by ends at sections, whose borders are not shifted along.
+                        arguments.extend(["--surface".to_owned(), "columns".to_owned()]);
                     }
                     if placed {
                         let [eye, target] = [eye, target].map(|p| place(p, input == &moved));

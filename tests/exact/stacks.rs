@@ -19,9 +19,9 @@ use lasray::section::Surface;
 use std::fs;
 use std::path::Path;
 
-/// A file with stacks, in cells of `cell` units (`None`: as chosen).
-fn stacked(path: &Path, cell: Option<f64>) -> Data {
-    Data::load_with(&[path.to_owned()], cell, |options| LoadOptions { surface: Surface::Stacks, ..options })
+/// A file with stacks, or what else `surface` says, in cells of `cell` units (`None`: as chosen).
+pub fn loaded(path: &Path, cell: Option<f64>, surface: Surface) -> Data {
+    Data::load_with(&[path.to_owned()], cell, |options| LoadOptions { surface, ..options })
 }
 
 /// A span reaches a cell below its points, which are at most two cells apart, rounded up to a power of two of steps.
@@ -34,13 +34,13 @@ fn spacing(grid: &Grid) -> Spacing {
 const SIZE: [u32; 2] = [160, 90];
 
 /// What is shown, beside the name of it.
-struct Mask {
-    name: &'static str,
-    classes: ClassMask,
-    withheld: bool,
+pub struct Mask {
+    pub name: &'static str,
+    pub classes: ClassMask,
+    pub withheld: bool,
 }
 
-fn mask(name: &'static str, classes: ClassMask) -> Mask {
+pub fn mask(name: &'static str, classes: ClassMask) -> Mask {
     Mask { name, classes, withheld: false }
 }
 
@@ -61,7 +61,7 @@ fn masks() -> Vec<Mask> {
     ]
 }
 
-fn map_of(data: &Data, points: &[Point], mask: &Mask) -> StackMap {
+pub fn map_of(data: &Data, points: &[Point], mask: &Mask) -> StackMap {
     let lattice = [data.grid.cell(), data.grid.height_step];
     StackMap::build(points.iter().copied(), lattice, spacing(&data.grid), &mask.classes, mask.withheld)
 }
@@ -83,7 +83,7 @@ fn place(data: &Data, [i, j]: [i64; 2], u: f64) -> DVec3 {
 }
 
 /// The four cameras that every file is seen from.
-fn main_shots(data: &Data, map: &StackMap) -> Vec<Shot> {
+pub fn main_shots(data: &Data, map: &StackMap) -> Vec<Shot> {
     let (b, cell) = (data.bounds, data.grid.cell());
     let center = b.center().truncate();
     let high = |stack: &Stack| clearance(stack) as f64 * data.grid.height_step > 4.0 * cell;
@@ -190,7 +190,7 @@ fn check(
 
 /// Checks a file from four sides, and under other masks from two of them.
 fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, masks: &[Mask]) -> Vec<String> {
-    let data = stacked(path, cell);
+    let data = loaded(path, cell, Surface::Stacks);
     let mut scene = data.scene(gpu, Access::Address, MEASURED());
     let mut renderer = data.renderer(&scene);
     let points = points(path, &data.placement);

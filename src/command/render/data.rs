@@ -90,8 +90,7 @@ impl Filled {
                     .iter()
                     .map(|(_, columns)| slot_bytes(columns.layout_at_most().derived_bytes()))
                     .sum(),
-                // Derived parts are less than half of what sections take.
-                Content::Live(..) => pool_bytes / 2,
+                Content::Live(..) => args.surface.derived_of(pool_bytes),
             },
         );
         let visibility = args.visibility(exact);

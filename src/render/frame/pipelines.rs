@@ -8,6 +8,7 @@ use crate::attribute::ColorMode;
 use crate::gpu::DeviceKind;
 use crate::gpu::{BindingKind, ComputePipeline, Gpu, GpuError, PipelineDesc, shaders};
 use crate::resident::pool::Access;
+use crate::resident::table::Table;
 #[cfg(feature = "view")]
 use crate::section::Surface;
 use crate::shared::passes::{
@@ -75,6 +76,32 @@ static SHADE: Variants = variants!(STORED, SHADE, SHADE_TEXELS, SHADE_SSBO);
 static TRACE_FLOATS: Variants = variants!(STORED, TRACE_STACKED, TRACE_STACKED_TEXELS, TRACE_STACKED_SSBO);
 static EXACT_FLOATS: Variants = variants!(UNIFORM, EXACT_STACKED, EXACT_STACKED_TEXELS, EXACT_STACKED_SSBO);
 static SHADE_FLOATS: Variants = variants!(STORED, SHADE_STACKED, SHADE_STACKED_TEXELS, SHADE_STACKED_SSBO);
+/// And those that look for a smooth surface besides.
+static TRACE_SMOOTH: Variants = variants!(STORED, TRACE_SMOOTH, TRACE_SMOOTH_TEXELS, TRACE_SMOOTH_SSBO);
+static EXACT_SMOOTH: Variants = variants!(UNIFORM, EXACT_SMOOTH, EXACT_SMOOTH_TEXELS, EXACT_SMOOTH_SSBO);
+static SHADE_SMOOTH: Variants = variants!(STORED, SHADE_SMOOTH, SHADE_SMOOTH_TEXELS, SHADE_SMOOTH_SSBO);
+
+/// What is looked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Seen {
+    /// Columns, each solid from its top down.
+    Columns,
+    /// And what floats.
+    Floats,
+    /// Or a smooth surface, and what floats.
+    Smooth,
+}
+
+impl Seen {
+    /// Of all that `table` names.
+    pub fn of(table: &Table) -> Seen {
+        match (table.smooth, table.floats) {
+            (true, _) => Seen::Smooth,
+            (false, true) => Seen::Floats,
+            (false, false) => Seen::Columns,
+        }
+    }
+}
 
 impl Variants {
     fn desc(&self, name: &'static str, access: Access, constants: Vec<(u32, u32)>) -> PipelineDesc {
@@ -92,7 +119,7 @@ impl Variants {
 struct Exact {
     ramped: bool,
     screen: bool,
-    floats: bool,
+    seen: Seen,
 }
 
 /// The passes that are there from the start: wide beams, beams, trace, shade.
@@ -118,21 +145,29 @@ fn passes(access: Access, options: PassOptions) -> [PipelineDesc; 4] {
     ]
 }
 
-/// Trace and shade where things float.
-fn floating(access: Access, options: PassOptions) -> [PipelineDesc; 2] {
+/// Trace and shade where things float, or where tops are a smooth surface too. Beams know nothing of such: there rays start at the
+/// eye.
+fn floating(access: Access, options: PassOptions, smooth: bool) -> [PipelineDesc; 2] {
     let [x, y] = options.group;
     let shared = vec![(ID_GROUP_X, x), (ID_GROUP_Y, y), (ID_DEALT, u32::from(options.dealt))];
-    let trace = [shared.clone(), vec![(ID_BEAMED, u32::from(options.beams))]].concat();
-    [TRACE_FLOATS.desc("trace", access, trace), SHADE_FLOATS.desc("shade", access, shared)]
+    let trace = [shared.clone(), vec![(ID_BEAMED, u32::from(options.beams && !smooth))]].concat();
+    let [tracing, shading] =
+        if smooth { [&TRACE_SMOOTH, &SHADE_SMOOTH] } else { [&TRACE_FLOATS, &SHADE_FLOATS] };
+    [tracing.desc("trace", access, trace), shading.desc("shade", access, shared)]
 }
 
 impl Exact {
     fn desc(self, access: Access, options: PassOptions) -> PipelineDesc {
-        let Exact { ramped, screen, floats } = self;
-        let PassOptions { group, dealt, beams, .. } = options;
+        let Exact { ramped, screen, seen } = self;
+        let PassOptions { group, dealt, .. } = options;
+        let beams = options.beams && seen != Seen::Smooth;
         let flags = [(ID_RAMPED, ramped), (ID_SCREEN, screen), (ID_DEALT, dealt), (ID_BEAMED, beams)];
         let flags = flags.map(|(id, on)| (id, u32::from(on)));
-        let shaders = if floats { &EXACT_FLOATS } else { &EXACT };
+        let shaders = match seen {
+            Seen::Columns => &EXACT,
+            Seen::Floats => &EXACT_FLOATS,
+            Seen::Smooth => &EXACT_SMOOTH,
+        };
         let mut desc = shaders.desc(
             "exact",
             access,
@@ -164,7 +199,8 @@ impl PassOptions {
         };
         match (traversal, shade) {
             (Traversal::Fast, Shade::None) => {
-                pipeline_descs.push(Exact { ramped: false, screen: true, floats: false }.desc(access, self));
+                let exact = Exact { ramped: false, screen: true, seen: Seen::Columns };
+                pipeline_descs.push(exact.desc(access, self));
             }
             (Traversal::Fast, Shade::Lit) => pipeline_descs.extend([trace, shading]),
             (Traversal::Plain, _) => pipeline_descs.extend([plain(access, self), shading]),
@@ -189,7 +225,7 @@ pub(super) struct FramePipelines {
     plain: Option<ComputePipeline>,
     shade: ComputePipeline,
     /// Trace and shade where things float; made when first used.
-    floating: Option<[ComputePipeline; 2]>,
+    floating: HashMap<Seen, [ComputePipeline; 2]>,
     /// Trace and exact colours in one; made when first used.
     exact: HashMap<Exact, ComputePipeline>,
     access: Access,
@@ -205,42 +241,42 @@ impl FramePipelines {
             trace: trace?,
             plain: None,
             shade: shade?,
-            floating: None,
+            floating: HashMap::new(),
             exact: HashMap::new(),
             access,
             options,
         })
     }
 
-    /// The passes of `band` of `view` in their order; those of the beams are left out where `has_beams`. `floats`: something
-    /// may float.
+    /// The passes of `band` of `view` in their order; those of the beams are left out where `has_beams`. `seen`: what
+    /// may be hit.
     pub fn passes(
         &mut self,
         gpu: &Gpu,
         view: &View,
         band: Band,
         has_beams: bool,
-        floats: bool,
+        seen: Seen,
     ) -> Result<Vec<FramePass>, GpuError> {
-        let floats = floats && view.traversal == Traversal::Fast;
+        let seen = if view.traversal == Traversal::Fast { seen } else { Seen::Columns };
         let groups = |[x, y]: [u32; 2], side: u32| {
             [view.size[0].div_ceil(side).div_ceil(x), band.rows.div_ceil(side).div_ceil(y), 1]
         };
         let (tiles, pixels) = (|side| groups(self.options.beam_group, side), groups(self.options.group, 1));
         let mut passes = vec![];
         let mut add = |name, pipeline, groups| passes.push(FramePass { name, pipeline, groups });
-        if view.traversal == Traversal::Fast && self.options.beams && !has_beams {
+        if view.traversal == Traversal::Fast && self.options.beams && !has_beams && seen != Seen::Smooth {
             add("wide beams", self.wide_beams.clone(), tiles(WIDE_TILE));
             add("beams", self.beams.clone(), tiles(TILE));
         }
         match (view.traversal, view.shade) {
             (Traversal::Fast, Shade::None) => {
                 let ramped = view.colors.mode != ColorMode::Rgb;
-                let exact = Exact { ramped, screen: band.screen, floats };
+                let exact = Exact { ramped, screen: band.screen, seen };
                 add("trace", self.exact(gpu, exact)?, pixels);
             }
-            (Traversal::Fast, Shade::Lit) if floats => {
-                let [trace, shade] = self.floating(gpu)?;
+            (Traversal::Fast, Shade::Lit) if seen != Seen::Columns => {
+                let [trace, shade] = self.floating(gpu, seen)?;
                 add("trace", trace, pixels);
                 add("shade", shade, pixels);
             }
@@ -261,12 +297,15 @@ impl FramePipelines {
         Ok(passes)
     }
 
-    fn floating(&mut self, gpu: &Gpu) -> Result<[ComputePipeline; 2], GpuError> {
-        if self.floating.is_none() {
-            let [trace, shade] = floating(self.access, self.options).map(|desc| desc.make(gpu));
-            self.floating = Some([trace?, shade?]);
+    fn floating(&mut self, gpu: &Gpu, seen: Seen) -> Result<[ComputePipeline; 2], GpuError> {
+        if let Some(known) = self.floating.get(&seen) {
+            return Ok(known.clone());
         }
-        Ok(self.floating.clone().expect("just made"))
+        let descs = floating(self.access, self.options, seen == Seen::Smooth);
+        let [trace, shade] = descs.map(|desc| desc.make(gpu));
+        let made = [trace?, shade?];
+        self.floating.insert(seen, made.clone());
+        Ok(made)
     }
 
     /// The pipeline for exact images that need so much.
@@ -292,9 +331,13 @@ impl FramePipelines {
 #[cfg(feature = "view")]
 pub fn pipeline_descs(kind: DeviceKind, access: Access, surface: Surface) -> [Vec<PipelineDesc>; 2] {
     let options = PassOptions::of(kind);
-    let floats = surface == Surface::Stacks;
-    let exact = [true, false].map(|ramped| Exact { ramped, screen: false, floats }.desc(access, options));
+    let (seen, smooth) = match surface {
+        Surface::Columns => (Seen::Columns, false),
+        Surface::Stacks => (Seen::Floats, false),
+        Surface::Smooth => (Seen::Smooth, true),
+    };
+    let exact = [true, false].map(|ramped| Exact { ramped, screen: false, seen }.desc(access, options));
     // What nothing floats in is drawn without looking for it, the sparse sample, too.
-    let floating = floats.then(|| floating(access, options)).into_iter().flatten();
+    let floating = surface.floats().then(|| floating(access, options, smooth)).into_iter().flatten();
     [passes(access, options).into_iter().chain(floating).collect(), exact.into()]
 }

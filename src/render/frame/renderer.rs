@@ -7,7 +7,7 @@ use super::buffers::{BYTES_PER_PIXEL, FrameInputs, FrameTargets};
 use super::error::FrameError;
 use super::mirrors::{FrameConstants, FramePush, HitRecord, distance_and_height, ground_heights, halves};
 use super::options::{PassOptions, PassRepeats, View};
-use super::pipelines::{FramePass, FramePipelines};
+use super::pipelines::{FramePass, FramePipelines, Seen};
 use super::rays::ViewRays;
 use crate::attribute::ColorMode;
 use crate::coords::{Grid, Height};
@@ -280,7 +280,7 @@ impl Renderer {
         inputs.write(&constants, table, ramp, slab, heights);
 
         let has_beams = self.targets.as_mut().expect("prepared").has_beams_for(band);
-        let passes = self.pipelines.passes(&gpu, view, band, has_beams, table.floats)?;
+        let passes = self.pipelines.passes(&gpu, view, band, has_beams, Seen::of(table))?;
         if self.options.logged.is_some() {
             commands.keep(self.log.as_ref().expect("Renderer::log made it")[0].clone());
         }

@@ -198,14 +198,26 @@ impl StackMap {
 
     /// What of its stack a ray meets first.
     fn contact(&self, stay: &Stay) -> Option<(Contact, Column)> {
-        let stack = self.stack(stay.cell)?;
-        let solid = stack.solid.map(|top| (f64::NEG_INFINITY, top));
-        let floating = stack.floating.iter().map(|span| (self.units(span.bottom_steps), span.top));
-        let reaches = solid.into_iter().chain(floating);
-        let met = reaches
-            .filter_map(|(bottom, top)| Some((stay.contact([bottom, self.units(top.height_steps)])?, top)));
-        met.min_by(|(a, a_top), (b, b_top)| a.t.total_cmp(&b.t).then(b_top.cmp(a_top)))
+        let solid = self.stack(stay.cell)?.solid.map(|top| (f64::NEG_INFINITY, top));
+        let solid = solid.and_then(|reach| self.contact_with(stay, reach));
+        first(solid.into_iter().chain(self.floating_contact(stay)))
     }
+
+    /// The same of what floats alone.
+    pub(super) fn floating_contact(&self, stay: &Stay) -> Option<(Contact, Column)> {
+        let reaches =
+            self.stack(stay.cell)?.floating.iter().map(|span| (self.units(span.bottom_steps), span.top));
+        first(reaches.filter_map(|reach| self.contact_with(stay, reach)))
+    }
+
+    fn contact_with(&self, stay: &Stay, (bottom, top): (f64, Column)) -> Option<(Contact, Column)> {
+        Some((stay.contact([bottom, self.units(top.height_steps)])?, top))
+    }
+}
+
+/// The first of several contacts; of some at once that with the larger record.
+pub(super) fn first(contacts: impl Iterator<Item = (Contact, Column)>) -> Option<(Contact, Column)> {
+    contacts.min_by(|(a, a_top), (b, b_top)| a.t.total_cmp(&b.t).then(b_top.cmp(a_top)))
 }
 
 impl Stack {

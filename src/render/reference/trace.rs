@@ -45,15 +45,15 @@ pub struct Hit {
 /// A ray while it is in a cell.
 pub(super) struct Stay {
     pub cell: [i64; 2],
-    origin: DVec3,
-    direction: DVec3,
-    t_in: f64,
-    t_out: f64,
+    pub origin: DVec3,
+    pub direction: DVec3,
+    pub t_in: f64,
+    pub t_out: f64,
     /// Whether the borders it comes in and leaves by belong to the cell.
     in_closed: bool,
-    out_closed: bool,
+    pub out_closed: bool,
     /// What it comes in by.
-    side: Face,
+    pub side: Face,
 }
 
 /// Where a ray first meets something.

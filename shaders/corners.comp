@@ -1,0 +1,92 @@
+// Heights of the four corners of each column, for the surface between them: of the 2x2 columns that meet at a corner the mean top
+// of those that hang together with the column, side by side, without a jump. So columns of one surface share the corner, and at a
+// jump each side has its own. Then levels 1 and 2 of the pyramid, which no corner is above.
+// Reads level 0 of the section and of its eight neighbours; writes corners, and levels 1 and 2. One thread a half block of those
+// that the job is for; y is the job.
+#version 460
+#extension GL_GOOGLE_include_directive : require
+#include "pool.glsl"
+#include "section.glsl"
+#include "derive.glsl"
+#include "corners.glsl"
+
+layout(local_size_x = DERIVE_THREADS) in;
+
+// The half block's columns and those around it.
+const uint EAST = HALF_BLOCK_EAST + 2u, NORTH = HALF_BLOCK_NORTH + 2u;
+int heights[EAST * NORTH];
+bool there[EAST * NORTH];
+
+uint jump;
+
+bool joins(uint a, uint b) {
+    return there[a] && there[b] && uint(max(heights[a], heights[b])) - uint(min(heights[a], heights[b])) <= jump;
+}
+
+// Height of the corner of a column; `east` and `north`: those beside it there.
+int corner(uint column, uint east, uint north, uint across) {
+    bool east_across = joins(east, across), north_across = joins(north, across);
+    bool with_east = joins(column, east), with_north = joins(column, north);
+    bool with_across = with_east && east_across || with_north && north_across;
+    with_east = with_east || with_across && east_across;
+    with_north = with_north || with_across && north_across;
+    int least = heights[column];
+    if (with_east) least = min(least, heights[east]);
+    if (with_north) least = min(least, heights[north]);
+    if (with_across) least = min(least, heights[across]);
+    uint sum = uint(heights[column] - least), n = 1u;
+    if (with_east) { sum += uint(heights[east] - least); n++; }
+    if (with_north) { sum += uint(heights[north] - least); n++; }
+    if (with_across) { sum += uint(heights[across] - least); n++; }
+    return least + int(sum / n);
+}
+
+void main() {
+    uint job = gl_WorkGroupID.y, half_block;
+    if (!half_block_of(gl_GlobalInvocationID.x, JOB[job].first, JOB[job].area, half_block)) return;
+    uvec4 here = JOB[job].near[4];
+    uvec2 derived = here.xy, origin = half_block_origin(half_block);
+    uint corners = JOB[job].corners, west = western_block(half_block, IS_WIDE);
+    jump = JOB[job].jump;
+
+    for (uint k = 0u; k < EAST * NORTH; k++) {
+        ivec2 column = ivec2(origin) + ivec2(k % EAST, k / EAST) - 1;
+        // -1, 0 or 1 section on.
+        ivec2 beyond = column >> int(SECTION_LOG2);
+        uvec4 section = JOB[job].near[4 + beyond.x + 3 * beyond.y];
+        uint code = 0u;
+        uint wide = section.w & 1u;
+        uvec2 at = uvec2(column) & (SECTION_SIDE - 1u);
+        if (section.xy != uvec2(0u))
+            code = (section.w & 2u) != 0u ? solid_code(section.xy, at, wide) : pyramid_code(section.xy, 0u, at, wide);
+        there[k] = code != 0u;
+        heights[k] = int(section.z) + int(code);
+    }
+
+    uint bounds[HALF_BLOCK_EAST * HALF_BLOCK_NORTH / 4u];
+    for (uint k = 0u; k < bounds.length(); k++) bounds[k] = 0u;
+    for (uint y = 0u; y < HALF_BLOCK_NORTH; y++) {
+        for (uint x = 0u; x < HALF_BLOCK_EAST; x++) {
+            uint k = (y + 1u) * EAST + x + 1u, bound = 0u;
+            uvec4 codes = uvec4(0u);
+            if (there[k]) {
+                uint south = k - EAST, north = k + EAST;
+                ivec4 four = ivec4(corner(k, k - 1u, south, south - 1u), corner(k, k + 1u, south, south + 1u),
+                                   corner(k, k - 1u, north, north - 1u), corner(k, k + 1u, north, north + 1u));
+                // What a neighbour leads to may lie outside what this section's code can say.
+                codes = uvec4(max(four - int(here.z), 1));
+                if (!WIDE) codes = min(codes, MOST_NARROW_CODE);
+                bound = max(uint(heights[k] - int(here.z)), max(max(codes.x, codes.y), max(codes.z, codes.w)));
+            }
+            uint at = corners_at(corners, origin + uvec2(x, y), IS_WIDE);
+            if (WIDE) for (uint c = 0u; c < 4u; c++) pool_store(derived, at + c, codes[c]);
+            else {
+                pool_store(derived, at, codes.x | codes.y << 16u);
+                pool_store(derived, at + 1u, codes.z | codes.w << 16u);
+            }
+            uint node = (y >> 1u) * (HALF_BLOCK_EAST / 2u) + (x >> 1u);
+            bounds[node] = max(bounds[node], bound);
+        }
+    }
+    store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u, bounds);
+}
