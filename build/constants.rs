@@ -148,8 +148,8 @@ group! { payload:
     MOST_NARROW_CODE = 0xFFFF;
     /// Codes of the pyramid's levels 2 to 8, which lie behind the blocks, and one to make them even.
     UPPER_CODES = (codes_of_levels(2, SECTION_LOG2) + 1) & !1;
-    /// What floats, behind the pyramid where anything may: first the place of each derived block's list, words from here,
-    /// 0: none.
+    /// What floats, behind the pyramid where anything may: first the place of each derived block's list, words from the start of what
+    /// is derived, 0: none.
     FLOAT_LISTS = 0;
     /// Then the mean height of what is solid and measured in nodes of levels 2 to 5, a code each, a word; 0: nothing is.
     FLOAT_MEANS = 1 << (2 * DERIVED_BLOCKS_LOG2);
