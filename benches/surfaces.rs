@@ -211,10 +211,9 @@ fn main() -> anyhow::Result<()> {
             };
             let all = |k: usize| times[k].last().map(|(_, repeats)| repeats).context("no pass");
             let (columns, stacks) = (all(0)?, all(1)?);
-            let ratio =
-                stacks.ratio_to(columns).map_or("-".to_owned(), |ratio| format!("{:.2}", 1.0 / ratio));
+            let ratio = stacks.ratio_to(columns).map_or("-".to_owned(), |ratio| format!("{ratio:.2}"));
             println!(
-                "{shade:?} {angles:?} {distance}: columns / stacks {ratio}; ms: {} | {}",
+                "{shade:?} {angles:?} {distance}: stacks / columns {ratio}; ms: {} | {}",
                 words(&times[0]),
                 words(&times[1])
             );
