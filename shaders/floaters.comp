@@ -16,7 +16,7 @@ layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follow
 
 const int REACH = 2;
 const uint LEAST_LOWER = 3u;
-const int NOTHING_LOWER = 0x7FFFFFFF;
+const uint NOTHING_LOWER = 0xFFFFFFFFu;
 
 uint span; // where the next one goes
 uvec2 bounds; // codes of the list's highest top and lowest bottom
@@ -25,15 +25,15 @@ uint highest; // code of the column's highest span
 // Code of the highest of the lowest points of LEAST_LOWER columns around `column`, those whose lowest point is lowest: what lies
 // more than a gap above it lies so over all of them. As loops may take only so many turns (lavapipe: 65,535 a thread, all of
 // its loops together), it is found once a column.
-int lowest_around(ivec2 column) {
-    ivec3 least = ivec3(NOTHING_LOWER);
+uint lowest_around(ivec2 column) {
+    uvec3 least = uvec3(NOTHING_LOWER);
     for (int k = 0; k < 25; k++) {
         ivec2 near = column + ivec2(k % 5, k / 5) - REACH;
         if (any(notEqual(near & int(SECTION_SIDE - 1u), near))) continue;
         uint list = list_of(derived, block_of(uvec2(near)), IS_WIDE);
         if (list == 0u) continue;
-        int there = int(code_in(derived, list, OF_LOWEST, in_block(uvec2(near)), IS_WIDE));
-        if (there != 0) least = ivec3(min(least.x, there), max(least.x, min(least.y, there)), max(least.y, min(least.z, there)));
+        uint there = code_in(derived, list, OF_LOWEST, in_block(uvec2(near)), IS_WIDE);
+        if (there != 0u) least = uvec3(min(least.x, there), max(least.x, min(least.y, there)), max(least.y, min(least.z, there)));
     }
     return least[LEAST_LOWER - 1u];
 }
@@ -52,7 +52,7 @@ uint lowest_of_span(uvec4 run, uint at, uint end) {
 
 // Biased height down to which there is no air below `run`: to the next of its span, or as thick as a cell below its lowest.
 uint bottom_of(uvec4 run, uint at, uint end) {
-    uint lowest = lowest_of(run), bottom = lowest - min(thickness, lowest - 1u);
+    uint lowest = lowest_of(run), bottom = lowest - min(thickness, max(lowest, 1u) - 1u);
     for (; at < end; at += STACK_RUN_WORDS) {
         uvec4 next = further_run(at);
         if (!same_key(run, next)) continue;
@@ -62,7 +62,7 @@ uint bottom_of(uvec4 run, uint at, uint end) {
 }
 
 void add_span(uvec3 run, uint bottom) {
-    uvec2 codes = uvec2(code_of(run.x), uint(max(int(code_of(bottom)), 1)));
+    uvec2 codes = uvec2(code_of(run.x), max(code_of(bottom), 1u));
     if (WIDE) {
         pool_store(derived, span, codes.x);
         pool_store(derived, span + 1u, codes.y);
@@ -79,7 +79,7 @@ uvec2 stack_of(uint column, ivec2 place_in_section, uint at, uint end, uint to) 
     uint spans = 0u;
     uvec4 run = first_run(column), told = uvec4(0u);
     uint told_lowest = 0u; // of the span of `told`, the last run of which what is around told that it floats
-    int around = 0;
+    uint around = 0u;
     bool any = false, is_around_known = false;
     while (run.x != 0u && !any) {
         if (ALL || shown(run.xyz)) {
@@ -91,7 +91,8 @@ uvec2 stack_of(uint column, ivec2 place_in_section, uint at, uint end, uint to) 
                     if (!is_around_known) around = lowest_around(place_in_section);
                     is_around_known = true;
                     told_lowest = lowest_of_span(run, at, end);
-                    floats = around < int(code_of(told_lowest)) - int(gap);
+                    uint low = code_of(told_lowest);
+                    floats = low > gap && around < low - gap;
                     told = floats ? run : uvec4(0u);
                 }
             }
