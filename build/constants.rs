@@ -155,16 +155,14 @@ group! { payload:
     FLOAT_MEANS = 1 << (2 * DERIVED_BLOCKS_LOG2);
     /// Coarsest level of these.
     MEANS_LEVEL = 5;
-    /// Then nodes of levels 3 to 8: codes of the highest thing that is solid and of the lowest bottom of what floats, a word, or two
-    /// where codes are wide; the highest code: nothing floats.
-    FLOAT_NODES = FLOAT_MEANS + codes_of_levels(2, MEANS_LEVEL);
-    /// Nodes of those levels, and some for lists to be cache lines.
-    FLOAT_NODE_COUNT = (codes_of_levels(3, SECTION_LOG2) + 15) & !15;
-    /// Words of a block's list: the same as of a node, then what follows.
+    /// Then lists, from a cache line on.
+    FLOAT_WORDS = (FLOAT_MEANS + codes_of_levels(2, MEANS_LEVEL) + 15) & !15;
+    /// Words of a block's list: codes of the highest thing that is solid and of the lowest bottom of what floats, a word, or two where
+    /// codes are wide (the highest code: nothing floats), then what follows.
     LIST_WORDS = 32;
     /// The same where codes are wide.
     LIST_WORDS_WIDE = 56;
-    /// Word of a list, behind what it has as a node: code of the highest thing that floats; 0: nothing does.
+    /// Word of a list, behind these two: code of the highest thing that floats; 0: nothing does.
     LIST_TOP = 0;
     /// Where spans start, words from the start of what is derived.
     LIST_SPANS = 1;

@@ -8,7 +8,7 @@ uint floats_at(uint wide) { return upper_levels(wide) + (UPPER_CODES >> 1u - wid
 uint list_words(uint wide) { return wide != 0u ? LIST_WORDS_WIDE : LIST_WORDS; }
 uint span_words(uint wide) { return wide != 0u ? SPAN_WORDS_WIDE : SPAN_WORDS; }
 // First of the lists, and of the spans.
-uint lists_at(uint wide) { return floats_at(wide) + FLOAT_NODES + (FLOAT_NODE_COUNT << wide); }
+uint lists_at(uint wide) { return floats_at(wide) + FLOAT_WORDS; }
 
 // Two codes, a word, or two where they are wide: top and bottom of a span; what is solid and the bottom of what floats of a node.
 uvec2 two_codes(uvec2 place, uint at, uint wide) {
@@ -23,18 +23,12 @@ uint no_bottom(uint wide) { return wide != 0u ? 0xFFFFFFFFu : MOST_NARROW_CODE; 
 // Place of the list of a derived block; 0: nothing floats there.
 uint list_of(uvec2 place, uint block, uint wide) { return pool_load(place, floats_at(wide) + FLOAT_LISTS + block); }
 
-// Place of a node of level 3 or more.
-uint float_node_at(uint level, uvec2 node, uint wide) {
-    uint index = upper_level(level) - upper_level(3u) + (node.y << SECTION_LOG2 - level | node.x);
-    return floats_at(wide) + FLOAT_NODES + (index << wide);
-}
-
 // Place of the mean of a node of levels 2 to 5.
 uint mean_at(uint level, uvec2 node, uint wide) {
     return floats_at(wide) + FLOAT_MEANS + upper_level(level) + (node.y << SECTION_LOG2 - level | node.x);
 }
 
-uint bytes_together(uint four) {
+uint sum_of_bytes(uint four) {
     uint pairs = (four & 0x00FF00FFu) + (four >> 8u & 0x00FF00FFu);
     return (pairs & 0xFFFFu) + (pairs >> 16u);
 }
@@ -63,11 +57,11 @@ uvec2 spans_of_column(uvec2 place, uint list, uint inner, uint wide) {
     uint counts = list + 1u + wide + LIST_COUNTS, first = 0u;
     uint word = 0u;
     for (uint w = 0u; w <= inner >> 2u; w++) {
-        first += bytes_together(word);
+        first += sum_of_bytes(word);
         word = pool_load(place, counts + w);
     }
     uint shift = (inner & 3u) * 8u;
-    return uvec2(first + bytes_together(word & (1u << shift) - 1u), word >> shift & 0xFFu);
+    return uvec2(first + sum_of_bytes(word & (1u << shift) - 1u), word >> shift & 0xFFu);
 }
 
 #endif

@@ -53,8 +53,3 @@ uint shows_of(uvec3 run) {
                            : run.y & 0xFFu | run.z >> RUN_GREEN_SHIFT << SHOWN_GREEN_SHIFT
                              | (run.z >> RUN_BLUE_SHIFT & 0xFFu) << SHOWN_BLUE_SHIFT);
 }
-
-uint sum_of_bytes(uint four) {
-    uint pairs = (four & 0x00FF00FFu) + (four >> 8u & 0x00FF00FFu);
-    return (pairs & 0xFFFFu) + (pairs >> 16u);
-}

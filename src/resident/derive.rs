@@ -41,8 +41,6 @@ enum Plane {
     Lowest,
     /// Lists of blocks, and their spans.
     Spans,
-    /// What floats in nodes of levels 3 to 8.
-    FloatNodes,
     /// Mean heights of what is solid.
     Means,
     /// Which columns hold a visible run.
@@ -103,11 +101,10 @@ enum Pass {
     Fill,
     Corners,
     Pyramid,
-    FloatNodes,
 }
 
 /// Where nothing is bridged, the first pass writes the lower levels too.
-const PASSES: [PassDeclaration; 9] = [
+const PASSES: [PassDeclaration; 8] = [
     PassDeclaration {
         name: "tops",
         by_address: shaders::TOPS,
@@ -189,23 +186,13 @@ const PASSES: [PassDeclaration; 9] = [
         grain: Grain::Section,
         of: Of::Both,
     },
-    PassDeclaration {
-        name: "float nodes",
-        by_address: shaders::FLOAT_NODES,
-        by_buffer: shaders::FLOAT_NODES_SSBO,
-        reach: 0,
-        reads: &[Plane::Lowest, Plane::Spans, Plane::LowerLevels],
-        writes: &[Plane::FloatNodes],
-        grain: Grain::Section,
-        of: Of::Stacks,
-    },
 ];
 
 /// Specialization constants of a pass: wide heights, every run is visible, bridges follow.
 type Variant = [bool; 3];
 
 impl Pass {
-    const ALL: [Pass; 9] = [
+    const ALL: [Pass; 8] = [
         Pass::Tops,
         Pass::StackTops,
         Pass::Floaters,
@@ -214,7 +201,6 @@ impl Pass {
         Pass::Fill,
         Pass::Corners,
         Pass::Pyramid,
-        Pass::FloatNodes,
     ];
 
     fn declared(self) -> &'static PassDeclaration {

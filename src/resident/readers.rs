@@ -47,7 +47,6 @@ fn no_shader_changes_a_bit_of_an_address() {
         ("tops", TOPS),
         ("stack tops", STACK_TOPS),
         ("floaters", FLOATERS),
-        ("float nodes", FLOAT_NODES),
         ("means", MEANS),
         ("bridge", BRIDGE),
         ("fill", FILL),

@@ -253,7 +253,7 @@ fn written(scene: &mut Scene, key: SectionKey, shown: &Visibility) -> (Vec<u32>,
     let floats = layout.floats.expect("stacks");
     // Means are for bridges.
     if shown.bridge == 0 {
-        words[(derived.floats() + FLOAT_MEANS) as usize..derived.float_nodes() as usize].fill(0);
+        words[(derived.floats() + FLOAT_MEANS) as usize..derived.lists() as usize].fill(0);
     }
     // Of the room for a half block's spans, what they take.
     let (lists, spans) = (derived.lists() as usize, derived.spans(floats) as usize);
