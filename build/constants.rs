@@ -91,7 +91,7 @@ group! { payload:
     HEADER_LISTS = 8;
     /// Kind of payload: columns of runs, each solid from its top down.
     KIND_COLUMNS = 1;
-    /// Stacks: runs of columns by key and slice, with the lowest point of each; some float.
+    /// Stacks: spans of columns, points of a key that lie close together; some float.
     KIND_STACKS = 2;
 
     /// log2 of the side in columns of a block of what is uploaded.
@@ -121,14 +121,15 @@ group! { payload:
     STACK_PLACE_WORDS = 6;
     /// Where the first block of stacks starts.
     FIRST_STACK_BLOCK = PLACES + STACK_PLACE_WORDS * SECTION_BLOCKS;
-    /// Where the lows of the highest runs start in a block of stacks: 16 bits each.
-    STACK_LOWS = BLOCK_WORDS;
-    /// Words of a block of stacks.
-    STACK_BLOCK_WORDS = BLOCK_WORDS + BLOCK_COLUMNS / 2;
-    /// Words of a further run of stacks: the run, and its low.
-    STACK_RUN_WORDS = 4;
+    /// Words of a span of stacks: those of a run, with its code in the place of its height, and how deep it reaches below that: in
+    /// the upper half of its first word, or, where codes are wide, in a word of its own.
+    STACK_RUN_WORDS = RUN_WORDS;
+    /// The same where codes are wide.
+    STACK_RUN_WORDS_WIDE = RUN_WORDS + 1;
     /// log2 of the steps that a low may count.
     LOW_BITS = 16;
+    /// log2 of the highest slices in which depths, of 16 bits, count every step: four of these fit.
+    DEPTH_SLICE_BITS = 14;
 
     /// log2 of the side in columns of a block of what is derived. Where things float, its columns' codes are of the highest thing,
     /// solid or not.
@@ -159,19 +160,25 @@ group! { payload:
     FLOAT_WORDS = (FLOAT_MEANS + codes_of_levels(2, MEANS_LEVEL) + 15) & !15;
     /// Words of a block's list: codes of the highest thing that is solid and of the lowest bottom of what floats, a word, or two where
     /// codes are wide (the highest code: nothing floats), then what follows.
-    LIST_WORDS = 32;
+    LIST_WORDS = 24;
     /// The same where codes are wide.
-    LIST_WORDS_WIDE = 56;
+    LIST_WORDS_WIDE = 44;
     /// Word of a list, behind these two: code of the highest thing that floats; 0: nothing does.
     LIST_TOP = 0;
     /// Where spans start, words from the start of what is derived.
     LIST_SPANS = 1;
     /// How many each column has, a byte each.
     LIST_COUNTS = 2;
-    /// Code of the lowest point of each column.
-    LIST_LOWEST = 6;
-    /// Words of such codes, twice as many where they are wide; behind them, as many each, those of the highest thing that floats in
-    /// each column, and of what is solid.
+    /// How many the first row of columns has; in the bits from `LIST_ROWS_2` on how many the first two have, in those from `LIST_ROWS_3`
+    /// on how many the third has.
+    LIST_ROWS = 6;
+    /// See [`LIST_ROWS`].
+    LIST_ROWS_2 = 10;
+    /// See [`LIST_ROWS`].
+    LIST_ROWS_3 = 21;
+    /// Codes of the columns, `LIST_CODES` words, twice as many where they are wide: of the highest thing that is solid in each.
+    LIST_SOLID = 7;
+    /// Words of these. Behind them, as many, those of the lowest point of each, from which is told what floats.
     LIST_CODES = 8;
     /// Words of a span: codes of its top and bottom, a word, or two where they are wide, and what it shows.
     SPAN_WORDS = 2;
@@ -397,6 +404,50 @@ pub fn rust() -> String {
     text
 }
 
+/// As [`drawing`], of what floats.
+fn draw_floats(line: &mut impl FnMut([String; 2], &str)) {
+    use payload::*;
+    let both = |narrow: u32, wide: u32| [narrow.to_string(), wide.to_string()];
+    let blocks = 1 << DERIVED_BLOCKS_LOG2;
+    line([String::new(), String::new()], "");
+    line(
+        ["narrow".to_owned(), "wide".to_owned()],
+        "word of what floats, from the next cache line on, where anything may",
+    );
+    line(
+        both(FLOAT_LISTS, FLOAT_LISTS),
+        &format!("{blocks} x {blocks} places of lists, 0: nothing floats in the block"),
+    );
+    line(
+        both(FLOAT_MEANS, FLOAT_MEANS),
+        &format!("mean heights of what is solid in nodes of levels 2 to {MEANS_LEVEL}, a code each"),
+    );
+    line(both(FLOAT_WORDS, FLOAT_WORDS), "lists, then spans");
+    line([String::new(), String::new()], "");
+    line(["narrow".to_owned(), "wide".to_owned()], "word of a list");
+    let after = |word: u32| both(1 + word, 2 + word);
+    line(both(0, 0), "code of the highest thing that is solid, and of the lowest bottom of what floats");
+    line(after(LIST_TOP), "code of the highest thing that floats");
+    line(after(LIST_SPANS), "where its spans start");
+    line(after(LIST_COUNTS), "how many spans each column has, a byte each");
+    line(
+        after(LIST_ROWS),
+        &format!(
+            "spans of the first row of columns; << {LIST_ROWS_2}: of two; << {LIST_ROWS_3}: of the third"
+        ),
+    );
+    line(after(LIST_SOLID), "codes of what is solid of each column");
+    line(
+        both(1 + LIST_SOLID + LIST_CODES, 2 + LIST_SOLID + 2 * LIST_CODES),
+        "codes of each column's lowest point",
+    );
+    line(both(LIST_WORDS, LIST_WORDS_WIDE), "the next list");
+    line([String::new(), String::new()], "");
+    line(["narrow".to_owned(), "wide".to_owned()], "word of a span that floats");
+    line(both(0, 0), "code of its top, and of its bottom");
+    line(both(SPAN_WORDS - 1, SPAN_WORDS_WIDE - 1), "what it shows");
+}
+
 /// The table in GLSL: name and text of an include a group.
 pub fn glsl() -> Vec<(String, String)> {
     let include = |(group, about, constants): (&str, &str, &[Constant])| {
@@ -492,6 +543,7 @@ pub fn drawing() -> String {
     }
     let end = |block: u32, codes: u32| block * blocks * blocks + codes;
     line(both(end(narrow, UPPER_CODES / 2), end(wide, UPPER_CODES)), "all words");
+    draw_floats(&mut line);
     line(nothing(), "");
     line([String::new(), "bits".to_owned()], "what a column shows");
     let bits = |low: u32, n: u32| [String::new(), format!("{}-{low}", low + n - 1)];

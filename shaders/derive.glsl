@@ -96,7 +96,7 @@ void store_solid(uvec2 derived, uint first, uint list, uint inner, uint code) {
             uint word = pool_load(derived, at);
             pool_store(derived, at, (inner & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u);
         }
-        code = max(code, code_in(derived, list, OF_FLOATS, inner, IS_WIDE));
+        code = max(code, floating_top(derived, list, inner, IS_WIDE));
     }
     if (WIDE) pool_store(derived, first + inner, code);
     else {
@@ -132,15 +132,15 @@ void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats
             solid = max(solid, max(no_higher.x, no_higher.y));
             level_2[side] = max(level_2[side], max(nodes.x, nodes.y));
             if (floats) {
-                uvec4 over = uvec4(0u);
+                uint counted = 0u;
                 if (list != 0u) {
-                    uint tops = codes_at(list, OF_FLOATS, IS_WIDE), solids = codes_at(list, OF_SOLID, IS_WIDE);
-                    over = load_four(derived, tops, row) | load_four(derived, tops, row + 4u);
+                    uint solids = codes_at(list, OF_SOLID, IS_WIDE), counts = list + 1u + IS_WIDE + LIST_COUNTS + pair * 2u;
+                    counted = pool_load(derived, counts) | pool_load(derived, counts + 1u);
                     uvec4 codes = max(load_four(derived, solids, row), load_four(derived, solids, row + 4u));
                     solid = max(solid, max(max(codes.x, codes.y), max(codes.z, codes.w)));
                 }
-                nodes = uvec2(marked(nodes.x, (over.x | over.y) != 0u), marked(nodes.y, (over.z | over.w) != 0u));
-                any = any || over != uvec4(0u);
+                nodes = uvec2(marked(nodes.x, (counted & 0xFFFFu) != 0u), marked(nodes.y, counted >> 16u != 0u));
+                any = any || counted != 0u;
             }
             store_two(derived, first, LEVEL_1 + pair * 2u, nodes);
         }

@@ -105,7 +105,7 @@ void main() {
         for (uint inner = 0u; inner < 16u; inner++) {
             uvec2 column = origin + uvec2(side * 4u + (inner & 3u), inner >> 2u), nearest;
             uint code = solid_code(derived, column, IS_WIDE);
-            if (code != 0u || !(inner_block || list != 0u && code_in(derived, list, OF_FLOATS, inner, IS_WIDE) != 0u)) continue;
+            if (code != 0u || !(inner_block || list != 0u && floating_top(derived, list, inner, IS_WIDE) != 0u)) continue;
             for (uint level = 2u; level <= MEANS_LEVEL && code == 0u; level++) {
                 code = between(column, level, nearest);
                 if (code == 0u) continue;

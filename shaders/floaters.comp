@@ -1,7 +1,7 @@
 // Of stacks, where something may float: each column's solid part, from its highest solid span down, and the spans that float
 // above it. What is always solid is; vegetation, wires and the like float; of what is not classified a span floats where at
 // least three of the 5 x 5 columns around hold a lower point, beneath a gap, as where a laser sees through crowns.
-// Reads runs and lowest points; writes lists, spans, what columns show, the measured bits and level 0 of the pyramid, without bridges
+// Reads spans and lowest points; writes lists, spans that float, what columns show, the measured bits and level 0 of the pyramid, without bridges
 // levels 1 and 2. One thread a half block; y is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -38,31 +38,8 @@ uint lowest_around(ivec2 column) {
     return least[LEAST_LOWER - 1u];
 }
 
-// Biased height of the lowest point of the span that goes on from `run` downward; further runs lie from `at` to `end`.
-uint lowest_of_span(uvec4 run, uint at, uint end) {
-    uint lowest = lowest_of(run);
-    for (; at < end; at += STACK_RUN_WORDS) {
-        uvec4 next = further_run(at);
-        if (!same_key(run, next)) continue;
-        if (lowest > next.x && lowest - next.x > gap) break;
-        lowest = lowest_of(next);
-    }
-    return lowest;
-}
-
-// Biased height down to which there is no air below `run`: to the next of its span, or as thick as a cell below its lowest.
-uint bottom_of(uvec4 run, uint at, uint end) {
-    uint lowest = lowest_of(run), bottom = lowest - min(thickness, max(lowest, 1u) - 1u);
-    for (; at < end; at += STACK_RUN_WORDS) {
-        uvec4 next = further_run(at);
-        if (!same_key(run, next)) continue;
-        return lowest <= next.x || lowest - next.x <= gap ? min(bottom, next.x) : bottom;
-    }
-    return bottom;
-}
-
 void add_span(uvec3 run, uint bottom) {
-    uvec2 codes = uvec2(code_of(run.x), max(code_of(bottom), 1u));
+    uvec2 codes = uvec2(run.x, bottom);
     if (WIDE) {
         pool_store(derived, span, codes.x);
         pool_store(derived, span + 1u, codes.y);
@@ -74,54 +51,30 @@ void add_span(uvec3 run, uint bottom) {
 }
 
 // Adds the spans of a column of the block, stores what its solid part shows, and gives that part's code in x, in y how many
-// spans there are. Its further runs lie from `at` to `end`.
+// spans there are. Its further spans lie from `at` to `end`.
 uvec2 stack_of(uint column, ivec2 place_in_section, uint at, uint end, uint to) {
-    uint spans = 0u;
-    uvec4 run = first_run(column), told = uvec4(0u);
-    uint told_lowest = 0u; // of the span of `told`, the last run of which what is around told that it floats
-    uint around = 0u;
-    bool any = false, is_around_known = false;
-    while (run.x != 0u && !any) {
-        if (ALL || shown(run.xyz)) {
-            uint class_ = class_of(run.xyz);
+    uint spans = 0u, around = 0u;
+    uvec4 next = first_span(column);
+    bool is_around_known = false;
+    while (next.x != 0u) {
+        if (ALL || shown(next.xyz)) {
+            uint class_ = class_of(next.xyz), lowest = lowest_of(next);
             bool floats = always_floats(class_);
             if (!floats && !is_always_solid(class_)) {
-                floats = told.x != 0u && same_key(run, told) && run.x >= told_lowest;
-                if (!floats) {
-                    if (!is_around_known) around = lowest_around(place_in_section);
-                    is_around_known = true;
-                    told_lowest = lowest_of_span(run, at, end);
-                    uint low = code_of(told_lowest);
-                    floats = low > gap && around < low - gap;
-                    told = floats ? run : uvec4(0u);
-                }
+                if (!is_around_known) around = lowest_around(place_in_section);
+                is_around_known = true;
+                floats = lowest > gap && around < lowest - gap;
             }
-            if (floats) {
-                add_span(run.xyz, bottom_of(run, at, end));
-                spans++;
-            } else {
-                any = true;
-                break;
-            }
+            if (!floats) break;
+            add_span(next.xyz, lowest - min(thickness, lowest - 1u));
+            spans++;
         }
-        run = uvec4(0u);
-        if (at < end) run = further_run(at);
-        at += STACK_RUN_WORDS;
+        next = uvec4(0u);
+        if (at < end) next = span_at(at);
+        at += STACK_RUN;
     }
-    uint height = run.x;
-    if (!ALL && tie != 0u && any && tells_nothing(run.xyz)) {
-        uint least = height - min(tie, height - 1u);
-        for (; at < end; at += STACK_RUN_WORDS) {
-            uvec4 next = further_run(at);
-            if (next.x < least) break;
-            if (shown(next.xyz) && !tells_nothing(next.xyz)) {
-                run = next;
-                break;
-            }
-        }
-    }
-    pool_store(derived, to, any ? shows_of(run.xyz) : 0u);
-    return uvec2(any ? code_of(height) : 0u, spans);
+    pool_store(derived, to, shows_of_solid(next, at, end));
+    return uvec2(next.x, spans);
 }
 
 void main() {
@@ -132,24 +85,24 @@ void main() {
     if (block == 0u) return;
     uint number = place_of(half_block, 4u + upper);
     if (number == 0u) return;
-    counts = section.z + (block - FIRST_STACK_BLOCK) / STACK_BLOCK_WORDS * COUNT_WORDS + upper * 8u;
+    counts = section.z + blocks_before(block) * COUNT_WORDS + upper * 8u;
     uint before = place_of(half_block, 1u);
     for (uint w = 0u; w < upper * 8u; w++) before += sum_of_bytes(pool_load(place, counts - 8u + w));
-    uint first_span = lists_at(IS_WIDE) + 2u * JOB[job].lists * list_words(IS_WIDE);
-    span = first_span + place_of(half_block, 2u + upper) * span_words(IS_WIDE);
+    uint first_of_all = lists_at(IS_WIDE) + 2u * JOB[job].lists * list_words(IS_WIDE);
+    span = first_of_all + place_of(half_block, 2u + upper) * span_words(IS_WIDE);
     uint west = western_block(half_block, IS_WIDE), measured = 0u;
     uvec2 origin = half_block_origin(half_block);
 
     for (uint side = 0u; side < 2u; side++) {
         uint list = list_at(number, side), first = west + side * block_words(IS_WIDE);
-        uint other = section.w + STACK_RUN_WORDS * before;
+        uint other = section.w + STACK_RUN * before, rows = 0u;
         bounds = uvec2(0u, no_bottom(IS_WIDE));
         pool_store(derived, list + 1u + IS_WIDE + LIST_SPANS, span);
         // A word of counts is a row of one of the two derived blocks.
         for (uint w = 0u; w < 8u; w++) {
             uint others = pool_load(place, counts + w);
             if ((w & 1u) != side) {
-                other += STACK_RUN_WORDS * sum_of_bytes(others);
+                other += STACK_RUN * sum_of_bytes(others);
                 continue;
             }
             uint row = w >> 1u, counted = 0u;
@@ -157,7 +110,7 @@ void main() {
                 uvec2 codes = uvec2(0u), tops = uvec2(0u);
                 for (uint k = 0u; k < 2u; k++) {
                     highest = 0u;
-                    uint x = two * 2u + k, end = other + STACK_RUN_WORDS * (others >> 8u * x & 0xFFu);
+                    uint x = two * 2u + k, end = other + STACK_RUN * (others >> 8u * x & 0xFFu);
                     uint to = first + shown_in_block(IS_WIDE) + row * 4u + x;
                     uvec2 stack = stack_of(upper * 32u + w * 4u + x, ivec2(origin) + ivec2(side * 4u + x, row), other, end, to);
                     other = end;
@@ -168,11 +121,13 @@ void main() {
                 }
                 uint inner = row * 4u + two * 2u;
                 store_two(derived, first, inner, max(codes, tops));
-                store_two(derived, codes_at(list, OF_FLOATS, IS_WIDE), inner, tops);
                 store_two(derived, codes_at(list, OF_SOLID, IS_WIDE), inner, codes);
             }
             pool_store(derived, list + 1u + IS_WIDE + LIST_COUNTS + row, counted);
+            if (row < 3u) rows += sum_of_bytes(counted) << (row == 0u ? 0u : row == 1u ? LIST_ROWS_2 : LIST_ROWS_3);
+            if (row == 0u) rows += sum_of_bytes(counted) << LIST_ROWS_2;
         }
+        pool_store(derived, list + 1u + IS_WIDE + LIST_ROWS, rows);
         // What is solid comes with the levels.
         if (WIDE) pool_store(derived, list + 1u, bounds.y);
         else pool_store(derived, list, bounds.y << 16u);

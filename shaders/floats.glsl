@@ -1,5 +1,5 @@
-// Where what floats is in what is derived of a section: see the drawing in docs/from-file-to-pixel.md. Behind the pyramid, only
-// where something may float: the places of the blocks' lists, what floats in the nodes of levels 3 to 8, lists, spans.
+// Where what floats is in what is derived of a section, behind the pyramid and only where something may float: the places of the blocks'
+// lists, mean heights of what is solid in the nodes of levels 2 to 5, lists, spans.
 // Needs pool.glsl, section.glsl. Words count from the start of what is derived; `wide`: 1 where codes are wide.
 
 #ifndef FLOATS_GLSL
@@ -10,14 +10,15 @@ uint span_words(uint wide) { return wide != 0u ? SPAN_WORDS_WIDE : SPAN_WORDS; }
 // First of the lists, and of the spans.
 uint lists_at(uint wide) { return floats_at(wide) + FLOAT_WORDS; }
 
-// Two codes, a word, or two where they are wide: top and bottom of a span; what is solid and the bottom of what floats of a node.
+// Two codes, a word, or two where they are wide: top and bottom of a span; highest of what is solid and lowest bottom of what floats of a
+// block.
 uvec2 two_codes(uvec2 place, uint at, uint wide) {
     uint word = pool_load(place, at);
     if (wide != 0u) return uvec2(word, pool_load(place, at + 1u));
     return uvec2(word & MOST_NARROW_CODE, word >> 16u);
 }
 
-// What a node has as the bottom of what floats where nothing does.
+// What a block has as the bottom of what floats where nothing does.
 uint no_bottom(uint wide) { return wide != 0u ? 0xFFFFFFFFu : MOST_NARROW_CODE; }
 
 // Place of the list of a derived block; 0: nothing floats there.
@@ -34,10 +35,9 @@ uint sum_of_bytes(uint four) {
 }
 
 // Codes of the columns of a block, by what they are: where the first lies, and that of column `inner`.
-const uint OF_LOWEST = 0u;
-const uint OF_FLOATS = 1u;
-const uint OF_SOLID = 2u;
-uint codes_at(uint list, uint what, uint wide) { return list + 1u + wide + LIST_LOWEST + what * (LIST_CODES << wide); }
+const uint OF_SOLID = 0u;
+const uint OF_LOWEST = 1u;
+uint codes_at(uint list, uint what, uint wide) { return list + 1u + wide + LIST_SOLID + what * (LIST_CODES << wide); }
 uint code_in(uvec2 place, uint list, uint what, uint inner, uint wide) {
     uint word = pool_load(place, codes_at(list, what, wide) + (inner >> 1u - wide));
     return wide != 0u ? word : word >> (inner & 1u) * 16u & MOST_NARROW_CODE;
@@ -54,14 +54,20 @@ uint spans_of(uvec2 place, uint list, uint wide) { return pool_load(place, list 
 
 // Of column `inner` of a block: the first of its spans among those of the block, and how many it has.
 uvec2 spans_of_column(uvec2 place, uint list, uint inner, uint wide) {
-    uint counts = list + 1u + wide + LIST_COUNTS, first = 0u;
-    uint word = 0u;
-    for (uint w = 0u; w <= inner >> 2u; w++) {
-        first += sum_of_bytes(word);
-        word = pool_load(place, counts + w);
-    }
+    uint row = inner >> 2u, from = list + 1u + wide;
+    uint rows = pool_load(place, from + LIST_ROWS), word = pool_load(place, from + LIST_COUNTS + row);
+    uint second = rows & (1u << LIST_ROWS_2) - 1u, third = rows >> LIST_ROWS_2 & (1u << LIST_ROWS_3 - LIST_ROWS_2) - 1u;
+    uint first = row == 0u ? 0u : row == 1u ? second : row == 2u ? third : third + (rows >> LIST_ROWS_3);
     uint shift = (inner & 3u) * 8u;
     return uvec2(first + sum_of_bytes(word & (1u << shift) - 1u), word >> shift & 0xFFu);
+}
+
+// Code of the highest thing that floats in a column; 0: nothing does.
+uint floating_top(uvec2 place, uint list, uint inner, uint wide) {
+    uvec2 spans = spans_of_column(place, list, inner, wide);
+    if (spans.y == 0u) return 0u;
+    // The highest come first.
+    return two_codes(place, spans_of(place, list, wide) + spans.x * span_words(wide), wide).x;
 }
 
 #endif

@@ -1,6 +1,6 @@
 // Of stacks: in half blocks where nothing may float, each column's top, as tops.comp; in the others the lowest of the points that
 // are shown in each column, from which floaters.comp tells what floats.
-// Reads runs; writes what columns show, the measured bits and level 0 of the pyramid, without bridges levels 1 and 2; the places
+// Reads spans; writes what columns show, the measured bits and level 0 of the pyramid, without bridges levels 1 and 2; the places
 // of lists, and lowest points. One thread a half block; y is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -16,45 +16,32 @@ layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follow
 uint column, other;
 uint measured = 0u;
 
-// Stores what the next column shows, gives its top's code; `others` is how many further runs it has.
+// Stores what the next column shows, gives its top's code; `others` is how many further spans it has.
 uint next_top(uint others, uint to) {
-    uvec3 top = run_at(block + RUN_WORDS * column++);
-    uint end = other + STACK_RUN_WORDS * others;
-    while (top.x != 0u && !ALL && !shown(top)) {
-        top = other < end ? run_at(other) : uvec3(0u);
-        other += STACK_RUN_WORDS;
+    uvec4 top = first_span(column++);
+    uint end = other + STACK_RUN * others;
+    while (top.x != 0u && !ALL && !shown(top.xyz)) {
+        top = other < end ? span_at(other) : uvec4(0u);
+        other += STACK_RUN;
     }
-    bool any = top.x != 0u;
-    uint height = top.x;
-    if (!ALL && tie != 0u && any && tells_nothing(top)) {
-        uint least = height - min(tie, height - 1u);
-        for (uint at = other; at < end; at += STACK_RUN_WORDS) {
-            uvec3 run = run_at(at);
-            if (run.x < least) break;
-            if (shown(run) && !tells_nothing(run)) {
-                top = run;
-                break;
-            }
-        }
-    }
+    pool_store(derived, to, shows_of_solid(top, other, end));
     other = end;
-    measured = measured >> 1u | (any ? 0x80000000u : 0u);
-    pool_store(derived, to, shows_of(top));
-    return any ? code_of(height) : 0u;
+    measured = measured >> 1u | (top.x != 0u ? 0x80000000u : 0u);
+    return top.x;
 }
 
 // Code of the next column's lowest point; 0: it has none.
 uint next_lowest(uint others) {
-    uvec4 run = first_run(column++);
-    uint lowest = 0xFFFFFFFFu, end = other + STACK_RUN_WORDS * others;
-    while (run.x != 0u) {
-        if (ALL || shown(run.xyz)) lowest = min(lowest, lowest_of(run));
-        run = uvec4(0u);
-        if (other < end) run = further_run(other);
-        other += STACK_RUN_WORDS;
+    uvec4 span = first_span(column++);
+    uint lowest = 0xFFFFFFFFu, end = other + STACK_RUN * others;
+    while (span.x != 0u) {
+        if (ALL || shown(span.xyz)) lowest = min(lowest, lowest_of(span));
+        span = uvec4(0u);
+        if (other < end) span = span_at(other);
+        other += STACK_RUN;
     }
     other = end;
-    return lowest != 0xFFFFFFFFu ? code_of(lowest) : 0u;
+    return lowest != 0xFFFFFFFFu ? lowest : 0u;
 }
 
 void main() {
@@ -63,7 +50,7 @@ void main() {
     begin_stacks(job);
 
     block = place_of(half_block, 0u);
-    counts = section.z + (block - FIRST_STACK_BLOCK) / STACK_BLOCK_WORDS * COUNT_WORDS;
+    counts = section.z + blocks_before(block) * COUNT_WORDS;
     uint west = western_block(half_block, IS_WIDE), number = block != 0u ? place_of(half_block, 4u + upper) : 0u;
     if (JOB[job].lists != 0u) {
         uvec2 origin = half_block_origin(half_block);
@@ -76,7 +63,7 @@ void main() {
         before = place_of(half_block, 1u);
         for (uint w = 0u; w < column / 4u; w++) before += sum_of_bytes(pool_load(place, counts + w));
     }
-    other = section.w + STACK_RUN_WORDS * before;
+    other = section.w + STACK_RUN * before;
     // Two at a time, of one word where codes are narrow.
     for (uint two = 0u; two < 16u; two++) {
         uint side = two >> 1u & 1u, inner = (two >> 2u) * 4u + (two & 1u) * 2u;

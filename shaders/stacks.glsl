@@ -1,39 +1,52 @@
-// Runs of stacks: by key and slice, each with its lowest point.
+// Spans of stacks: points of a key, each with the run that is its highest, and how deep it reaches below that.
+// Heights of all that these say are codes.
 // Needs runs.glsl.
 
-uint block, counts, gap, slice, thickness;
+uint block, counts, gap, depth_step, thickness;
 
 void begin_stacks(uint job) {
     begin_runs(job);
-    slice = JOB[job].slice;
+    uint slice = JOB[job].slice;
     thickness = JOB[job].thickness;
     gap = 1u << slice;
+    depth_step = max(slice, DEPTH_SLICE_BITS) - DEPTH_SLICE_BITS;
 }
 
 uint place_of(uint half_block, uint word) { return pool_load(place, PLACES + STACK_PLACE_WORDS * (half_block >> 1u) + word); }
 
-// The highest run of a column of the block, and its low; and a further run.
-uvec4 first_run(uint column) {
-    uint lows = pool_load(place, block + STACK_LOWS + column / 2u);
-    return uvec4(run_at(block + RUN_WORDS * column), lows >> (column & 1u) * 16u & 0xFFFFu);
+const uint STACK_RUN = WIDE ? STACK_RUN_WORDS_WIDE : STACK_RUN_WORDS;
+
+// The blocks before the one that starts at a word.
+uint blocks_before(uint at) { return (at - FIRST_STACK_BLOCK) / (STACK_RUN * BLOCK_COLUMNS); }
+
+// A span: the code of its highest point (0: there is none), the rest of that run, and how deep it reaches.
+uvec4 span_at(uint at) {
+    uvec3 run = run_at(at);
+    if (WIDE) return uvec4(run, pool_load(place, at + RUN_WORDS));
+    return uvec4(run.x & MOST_NARROW_CODE, run.yz, run.x >> 16u);
 }
-uvec4 further_run(uint at) { return uvec4(run_at(at), pool_load(place, at + RUN_WORDS) & 0xFFFFu); }
+
+// The highest span of a column of the block.
+uvec4 first_span(uint column) { return span_at(block + STACK_RUN * column); }
 
 bool is_always_solid(uint class_) { return class_ == 2u || class_ == 6u || class_ >= 9u && class_ <= 11u || class_ == 41u; }
 bool always_floats(uint class_) { return class_ >= 3u && class_ <= 5u || class_ == 7u || class_ >= 13u && class_ <= 19u; }
 
-// Height of a run's lowest point, biased as its own is.
-uint lowest_of(uvec4 run) {
-    if (is_always_solid(class_of(run.xyz))) return run.x;
-    return (run.x >> slice << slice) + (run.w << max(slice, LOW_BITS) - LOW_BITS);
-}
+// Code of a span's lowest point.
+uint lowest_of(uvec4 span) { return span.x - min(span.w << depth_step, span.x - 1u); }
 
-// Whether two runs are of one key.
-bool same_key(uvec4 a, uvec4 b) {
-    return class_of(a.xyz) == class_of(b.xyz) && ((a.z ^ b.z) & KEY_FLAGS) == 0u;
+// Of a column, whose further spans lie from `at` to `end`: what it shows whose highest solid span is `top`. If that tells nothing, another
+// of those that are as high but for the tie does.
+uint shows_of_solid(uvec4 top, uint at, uint end) {
+    if (ALL || tie == 0u || top.x == 0u || !tells_nothing(top.xyz)) return shows_of(top.xyz);
+    uint least = top.x - min(tie, top.x - 1u);
+    for (; at < end; at += STACK_RUN) {
+        uvec4 next = span_at(at);
+        if (next.x < least) break;
+        if (shown(next.xyz) && !tells_nothing(next.xyz)) return shows_of(next.xyz);
+    }
+    return shows_of(top.xyz);
 }
 
 // Where the list of one of a half block's two derived blocks lies; `number`: of the half block among those that have lists.
 uint list_at(uint number, uint side) { return lists_at(IS_WIDE) + (2u * (number - 1u) + side) * list_words(IS_WIDE); }
-
-uint code_of(uint height) { return (height ^ HEIGHT_SIGN) - base; }

@@ -59,11 +59,35 @@ impl Stacking {
         Height(self.slice_bottom(height).0 + ((low as i32) << self.low_step_log2()))
     }
 
+    /// log2 of the steps that a depth counts by: 16 bits hold four slices and more.
+    pub const fn depth_step_log2(self) -> u32 {
+        self.slice_log2.saturating_sub(crate::shared::payload::DEPTH_SLICE_BITS)
+    }
+
+    /// How far below its highest point a span that is to grow no more may reach, steps: from there on to the next point, a gap
+    /// further at most, a depth can tell.
+    pub const fn most_depth(self) -> i64 {
+        ((u16::MAX as i64) << self.depth_step_log2()) - self.gap() as i64
+    }
+
+    /// How far below `top` a height lies, rounded up to what a depth can tell.
+    pub fn depth_of(self, top: Height, lowest: i64) -> u16 {
+        let steps = (i64::from(top.0) - lowest + (1 << self.depth_step_log2()) - 1) >> self.depth_step_log2();
+        steps.try_into().expect("spans are no longer than depths can tell")
+    }
+
+    /// The height that a depth below `top` says, which may be lower than all heights.
+    pub fn height_at_depth(self, top: Height, depth: u16) -> i64 {
+        i64::from(top.0) - (i64::from(depth) << self.depth_step_log2())
+    }
+
     /// Lower bound of the bottoms of spans whose points are at `lowest` and above.
     pub fn lowest_bottom(self, lowest: Height) -> Height {
         let step = self.low_step_log2();
+        let rounded = (1 << self.depth_step_log2()) - 1;
         // No height is i32::MIN.
-        Height((lowest.0 >> step << step).saturating_sub(self.thickness).max(i32::MIN + 1))
+        let bottom = (lowest.0 >> step << step).saturating_sub(rounded).saturating_sub(self.thickness);
+        Height(bottom.max(i32::MIN + 1))
     }
 }
 

@@ -71,6 +71,8 @@ enum Of {
     Columns,
     /// Those of stacks.
     Stacks,
+    /// Those in which anything may float.
+    Floating,
     /// Those of smooth surfaces.
     Smooth,
     /// All.
@@ -133,7 +135,7 @@ const PASSES: [PassDeclaration; 8] = [
         reads: &[Plane::Runs, Plane::Lowest],
         writes: &[Plane::Measured, Plane::Columns, Plane::LowerLevels, Plane::Spans],
         grain: Grain::HalfBlock,
-        of: Of::Stacks,
+        of: Of::Floating,
     },
     PassDeclaration {
         name: "means",
@@ -143,7 +145,7 @@ const PASSES: [PassDeclaration; 8] = [
         reads: &[Plane::Lowest, Plane::Spans, Plane::Measured, Plane::Columns],
         writes: &[Plane::Means],
         grain: Grain::Section,
-        of: Of::Stacks,
+        of: Of::Floating,
     },
     PassDeclaration {
         name: "bridge",
@@ -163,7 +165,7 @@ const PASSES: [PassDeclaration; 8] = [
         reads: &[Plane::Lowest, Plane::Spans, Plane::Means, Plane::Measured, Plane::Columns],
         writes: &[Plane::Spans, Plane::Columns, Plane::LowerLevels],
         grain: Grain::HalfBlock,
-        of: Of::Stacks,
+        of: Of::Floating,
     },
     PassDeclaration {
         name: "corners",
@@ -226,9 +228,12 @@ impl Pass {
         phases
     }
 
-    /// Whether its variants differ by the mask.
-    fn is_masked(self) -> bool {
-        matches!(self, Pass::Tops | Pass::StackTops | Pass::Floaters)
+    /// Of a variant, what the pass differs by.
+    fn variant(self, [wide, all, bridge]: Variant) -> Variant {
+        match self {
+            Pass::Tops | Pass::StackTops | Pass::Floaters => [wide, all, bridge],
+            _ => [wide, false, false],
+        }
     }
 
     /// Whether it reads or writes what `earlier` writes: then it waits for that.
@@ -254,15 +259,14 @@ impl Pass {
 #[cfg(feature = "view")]
 pub fn pipeline_descs(access: Access, surface: Surface, bridge: bool) -> [Vec<PipelineDesc>; 2] {
     let all = (0..8u8).map(|bits| [0, 1, 2].map(|bit| bits >> bit & 1 == 1)).flat_map(|variant| {
-        let [_, all, bridge] = variant;
-        let passes = Pass::ALL.into_iter().filter(move |pass| pass.is_masked() || !(all || bridge));
+        let passes = Pass::ALL.into_iter().filter(move |pass| pass.variant(variant) == variant);
         passes.map(move |pass| (pass, variant))
     });
-    let is_usual = |&(pass, [wide, _, bridged]): &(Pass, Variant)| {
+    let is_usual = |&(pass, [wide, all, bridged]): &(Pass, Variant)| {
         !wide
-            && (!pass.is_masked() || bridged == bridge)
+            && pass.variant([wide, all, bridge]) == [wide, all, bridged]
             && Pass::phases(bridge, surface == Surface::Smooth).concat().contains(&pass)
-            && (surface.floats() || pass.declared().of != Of::Stacks)
+            && (surface.floats() || !matches!(pass.declared().of, Of::Stacks | Of::Floating))
     };
     let (usual, others): (Vec<_>, Vec<_>) = all.partition(is_usual);
     [usual, others].map(|part| part.into_iter().map(|(pass, variant)| pass.desc(variant, access)).collect())
@@ -400,6 +404,7 @@ impl Task {
         match pass.declared().of {
             Of::Columns => self.stacks.is_none(),
             Of::Stacks => self.stacks.is_some(),
+            Of::Floating => self.stacks.is_some_and(|[.., lists]| lists > 0),
             Of::Smooth => self.smooth.is_some(),
             Of::Both => true,
         }
@@ -550,10 +555,7 @@ impl Derive {
         pass: Pass,
         tasks: &[Task],
     ) -> Result<(), GpuError> {
-        let variant = |task: &Task| match pass {
-            pass if pass.is_masked() => [task.wide, task.all, run.bridge],
-            _ => [task.wide, false, false],
-        };
+        let variant = |task: &Task| pass.variant([task.wide, task.all, run.bridge]);
         let mut dispatches: BTreeMap<(Variant, u32), Vec<Job>> = BTreeMap::new();
         for task in tasks.iter().filter(|task| task.takes(pass)) {
             for (groups, job) in task.jobs(pass) {

@@ -3,7 +3,7 @@
 use crate::gpu::layout::addresses;
 
 /// The shaders that follow section tables, by address and through storage buffers.
-pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 16] {
+pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 22] {
     use crate::gpu::shaders::*;
     [
         ("beam", BEAM),
@@ -22,11 +22,17 @@ pub fn readers_of_tables() -> [(&'static str, &'static [u32]); 16] {
         ("exact, STACKED, POOL_SSBO", EXACT_STACKED_SSBO),
         ("shade, STACKED", SHADE_STACKED),
         ("shade, STACKED, POOL_SSBO", SHADE_STACKED_SSBO),
+        ("trace, SMOOTH", TRACE_SMOOTH),
+        ("trace, SMOOTH, POOL_SSBO", TRACE_SMOOTH_SSBO),
+        ("exact, SMOOTH", EXACT_SMOOTH),
+        ("exact, SMOOTH, POOL_SSBO", EXACT_SMOOTH_SSBO),
+        ("shade, SMOOTH", SHADE_SMOOTH),
+        ("shade, SMOOTH, POOL_SSBO", SHADE_SMOOTH_SSBO),
     ]
 }
 
 /// The shaders that read pool, table and beams as texels.
-pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 8] {
+pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 11] {
     use crate::gpu::shaders::*;
     [
         ("beam, POOL_TEXELS", BEAM_TEXELS),
@@ -37,6 +43,9 @@ pub fn readers_of_texels() -> [(&'static str, &'static [u32]); 8] {
         ("trace, STACKED, POOL_TEXELS", TRACE_STACKED_TEXELS),
         ("exact, STACKED, POOL_TEXELS", EXACT_STACKED_TEXELS),
         ("shade, STACKED, POOL_TEXELS", SHADE_STACKED_TEXELS),
+        ("trace, SMOOTH, POOL_TEXELS", TRACE_SMOOTH_TEXELS),
+        ("exact, SMOOTH, POOL_TEXELS", EXACT_SMOOTH_TEXELS),
+        ("shade, SMOOTH, POOL_TEXELS", SHADE_SMOOTH_TEXELS),
     ]
 }
 
@@ -50,6 +59,7 @@ fn no_shader_changes_a_bit_of_an_address() {
         ("means", MEANS),
         ("bridge", BRIDGE),
         ("fill", FILL),
+        ("corners", CORNERS),
         ("pyramid", PYRAMID),
     ];
     let others = [("thesis", THESIS)];

@@ -11,7 +11,7 @@ use super::table::Entry;
 use super::transfer::{Slots, Ticket, Transfer};
 use super::visibility::{ColumnData, Visibility};
 use super::work::{Submits, Submitter, Work};
-use crate::attribute::{Kinds, tells_nothing};
+use crate::attribute::{Kinds, is_always_solid, tells_nothing};
 use crate::coords::{Grid, Height, SectionKey};
 use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, MemoryKind, Order, SyncPoint};
 use crate::limits::LIMITS;
@@ -566,7 +566,7 @@ impl Scene {
                 detail: key.section.level,
                 pyramid,
                 code: version.layout.code,
-                floats: version.layout.floats.is_some_and(|floats| floats.spans > 0),
+                floats: self.may_float(version),
                 corners: version.layout.corners(),
                 top,
             })
@@ -574,6 +574,14 @@ impl Scene {
         let mut entries: Vec<_> = shown.into_iter().filter_map(entry).collect();
         entries.sort_unstable_by_key(|e| e.key);
         entries
+    }
+
+    /// Whether anything of a section may float under the mask.
+    fn may_float(&self, version: &Version) -> bool {
+        let may = |&(class, withheld, _): &(u8, bool, Height)| {
+            !is_always_solid(class) && self.visibility.shows(class, withheld)
+        };
+        version.layout.floats.is_some_and(|floats| floats.spans > 0) && version.highest_of.iter().any(may)
     }
 
     /// Whether tables may name a section.

@@ -9,8 +9,8 @@
 use super::blocks::Blocks;
 use super::layout::{
     BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, FIRST_BLOCK, FIRST_STACK_BLOCK, Floats, HEADER_WORDS,
-    HeightCode, Layout, MOST_OTHERS, PLACE_WORDS, RUN_WORDS, SECTION_BLOCKS, STACK_BLOCK_WORDS,
-    STACK_PLACE_WORDS, STACK_RUN_WORDS, column_at, column_index,
+    HeightCode, Layout, MOST_OTHERS, PLACE_WORDS, RUN_WORDS, SECTION_BLOCKS, STACK_PLACE_WORDS, column_at,
+    column_index,
 };
 use super::payload::{HighestOf, Payload};
 use super::stacks::{self, Floating, Gathering, Stacks};
@@ -26,6 +26,18 @@ struct Other {
     record: Record,
     /// Index of the column's next; 0 ends the chain.
     next: u32,
+}
+
+/// What stacks are packed as.
+struct Spans {
+    floating: Floating,
+    /// Of the columns of blocks that hold anything, in block order: how deep their highest spans reach, and how many further ones there
+    /// are; and these.
+    depths: Vec<u16>,
+    counts: Vec<u8>,
+    further: Vec<(Record, u16)>,
+    /// How heights are coded.
+    code: HeightCode,
 }
 
 /// Whether two records belong to the same run: same class, and both withheld or both not (a withheld
@@ -309,24 +321,36 @@ impl Columns {
             + self.stacks.as_ref().map_or(0, |stacks| stacks.bytes())
     }
 
-    /// Where each part of the packed section starts. Of stacks this looks through all of them, to see what may float.
+    /// Where each part of the packed section starts. Of stacks this joins all of their runs, as packing does.
     pub fn layout(&self) -> Layout {
-        self.layout_with(self.floating().map(|floating| floating.floats()))
+        match self.spans() {
+            None => self.layout_of_columns(),
+            Some(spans) => self.layout_of(&spans),
+        }
     }
 
-    /// The same, at once; of stacks there may float less than it says, and what is derived may take less.
+    /// The same, at once; of stacks there may be less than it says.
     pub fn layout_at_most(&self) -> Layout {
-        self.layout_with(self.stacks.as_ref().map(|stacks| stacks.floats_at_most()))
+        let Some(stacks) = &self.stacks else { return self.layout_of_columns() };
+        let code = self.code_above(stacks.stacking.lowest_bottom(self.lowest));
+        self.layout_with(self.further_runs, Some(stacks.floats_at_most()), code)
     }
 
-    fn layout_with(&self, floats: Option<Floats>) -> Layout {
-        let layout = Layout::new(self.occupied.count(), self.further_runs, self.code(), floats);
+    fn layout_of_columns(&self) -> Layout {
+        self.layout_with(self.further_runs, None, self.code_above(self.lowest))
+    }
+
+    fn layout_of(&self, spans: &Spans) -> Layout {
+        self.layout_with(spans.further.len() as u32, Some(spans.floating.floats()), spans.code)
+    }
+
+    fn layout_with(&self, further: u32, floats: Option<Floats>, code: HeightCode) -> Layout {
+        let layout = Layout::new(self.occupied.count(), further, code, floats);
         Layout { smooth: self.is_smooth, ..layout }
     }
 
-    fn code(&self) -> HeightCode {
+    fn code_above(&self, lowest: Height) -> HeightCode {
         let highest = self.highest.iter().fold(0, |highest, &h| h.max(highest));
-        let lowest = self.stacking().map_or(self.lowest, |stacking| stacking.lowest_bottom(self.lowest));
         HeightCode::fit(lowest.0, unbias(highest).0)
     }
 
@@ -365,32 +389,34 @@ impl Columns {
         })
     }
 
-    /// A column's further runs of stacks that are uploaded.
-    fn kept(&self, head: u32, kept: &mut Vec<(Record, u16)>) {
-        kept.clear();
-        kept.extend(self.chain_of(head));
-        stacks::keep(kept);
-    }
-
-    /// Which runs may float; `None`: these are columns.
-    fn floating(&self) -> Option<Floating> {
-        let mut gathering = Gathering::new(self.stacking()?);
+    /// The spans that stacks are packed as; `None`: these are columns.
+    fn spans(&self) -> Option<Spans> {
+        let stacking = self.stacking()?;
+        let mut gathering = Gathering::new(stacking);
         let (first, heads, counts, lows) = self.pages.planes();
-        let mut kept = Vec::new();
-        for b in (0..SECTION_BLOCKS).filter(|&b| self.occupied.has(b)) {
-            for c in (b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS).filter(|&c| !first[c].is_empty()) {
-                let highest = std::iter::once((first[c], lows[c]));
-                match counts[c] {
-                    0 => gathering.see(c as u16, highest),
-                    MOST_OTHERS => {
-                        self.kept(heads[c], &mut kept);
-                        gathering.see(c as u16, highest.chain(kept.iter().copied()));
-                    }
-                    _ => gathering.see(c as u16, highest.chain(self.chain_of(heads[c]))),
+        let blocks = || (0..SECTION_BLOCKS).filter(|&b| self.occupied.has(b));
+        let mut depths = vec![0; self.occupied.count() as usize * BLOCK_COLUMNS];
+        let mut further_counts = vec![0; depths.len()];
+        let mut further = Vec::new();
+        let (mut runs, mut joined) = (Vec::new(), Vec::new());
+        for (n, b) in blocks().enumerate() {
+            for at in (0..BLOCK_COLUMNS).filter(|at| !first[b * BLOCK_COLUMNS + at].is_empty()) {
+                let c = b * BLOCK_COLUMNS + at;
+                runs.clear();
+                runs.push((first[c], lows[c]));
+                if counts[c] > 0 {
+                    runs.extend(self.chain_of(heads[c]));
                 }
+                stacks::join(stacking, &mut runs, &mut joined);
+                gathering.see(c as u16, &joined);
+                let (_, depth) = joined[0];
+                depths[n * BLOCK_COLUMNS + at] = depth;
+                further_counts[n * BLOCK_COLUMNS + at] = (joined.len() - 1) as u8;
+                further.extend_from_slice(&joined[1..]);
             }
         }
-        Some(gathering.finish())
+        let code = self.code_above(gathering.lowest_bottom());
+        Some(Spans { floating: gathering.finish(), depths, counts: further_counts, further, code })
     }
 
     /// Puts this section's records into `parent`, whose cells are twice as wide; (i, j) are this section's
@@ -422,12 +448,15 @@ impl Columns {
 
     /// Packs the section into memory of its own.
     pub fn pack(&self) -> Payload {
-        let floating = self.floating();
-        let layout = self.layout_with(floating.as_ref().map(Floating::floats));
+        let spans = self.spans();
+        let layout = match &spans {
+            None => self.layout_of_columns(),
+            Some(spans) => self.layout_of(spans),
+        };
         let mut words = vec![0; layout.words as usize];
-        match &floating {
+        match &spans {
             None => self.pack_columns(&mut words, <[u32]>::copy_from_slice),
-            Some(floating) => self.pack_stacks(floating, &mut words, <[u32]>::copy_from_slice),
+            Some(spans) => self.pack_stacks(spans, &mut words),
         }
         Payload { words, layout, points: self.points, highest_of: self.highest_of() }
     }
@@ -442,15 +471,15 @@ impl Columns {
 
     /// The same, long stretches by `copy`.
     pub fn pack_with(&self, words: &mut [u32], copy: impl Fn(&mut [u32], &[u32])) -> HighestOf {
-        match self.floating() {
+        match self.spans() {
             None => self.pack_columns(words, copy),
-            Some(floating) => self.pack_stacks(&floating, words, copy),
+            Some(spans) => self.pack_stacks(&spans, words),
         }
         self.highest_of()
     }
 
     fn pack_columns(&self, words: &mut [u32], copy: impl Fn(&mut [u32], &[u32])) {
-        let layout = self.layout_with(None);
+        let layout = self.layout_of_columns();
         let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
         let (places, rest) = rest.split_at_mut(PLACE_WORDS * SECTION_BLOCKS);
         let (records, rest) = rest.split_at_mut(layout.blocks as usize * BLOCK_WORDS);
@@ -510,52 +539,55 @@ impl Columns {
         }
     }
 
-    /// As [`Columns::pack_with`], of what may float.
-    fn pack_stacks(&self, floating: &Floating, words: &mut [u32], copy: impl Fn(&mut [u32], &[u32])) {
-        let layout = self.layout_with(Some(floating.floats()));
+    /// As [`Columns::pack_with`], of stacks.
+    fn pack_stacks(&self, spans: &Spans, words: &mut [u32]) {
+        let layout = self.layout_of(spans);
+        let sizes = layout.sizes();
         let (header, rest) = words[..layout.words as usize].split_at_mut(HEADER_WORDS as usize);
         let (places, rest) = rest.split_at_mut(STACK_PLACE_WORDS * SECTION_BLOCKS);
-        let (blocks, rest) = rest.split_at_mut((layout.blocks * STACK_BLOCK_WORDS) as usize);
-        let (counts, others) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
+        let (blocks, rest) = rest.split_at_mut((layout.blocks * sizes.block) as usize);
+        let (counts, further) = rest.split_at_mut(layout.blocks as usize * COUNT_WORDS);
+        let put = |words: &mut [u32], (record, depth): (Record, u16)| {
+            let [_, class, rest] = record.0;
+            let code = layout.code.encode(of_record(&record));
+            match words.len() {
+                RUN_WORDS => words.copy_from_slice(&[code | u32::from(depth) << 16, class, rest]),
+                _ => words.copy_from_slice(&[code, class, rest, depth.into()]),
+            }
+        };
         header.copy_from_slice(&layout.header());
-        let (first, heads, of_columns, lows) = self.pages.planes();
-        let places = places.as_chunks_mut::<STACK_PLACE_WORDS>().0;
-        let blocks = blocks.as_chunks_mut::<{ STACK_BLOCK_WORDS as usize }>().0.iter_mut();
-        let counts = counts.as_chunks_mut::<COUNT_WORDS>().0.iter_mut();
-        let mut parts = blocks.zip(counts);
-        let mut others = others.as_chunks_mut::<STACK_RUN_WORDS>().0.iter_mut();
-        let mut kept = Vec::new();
-        let (mut at, mut written, mut spans, mut lists) = (FIRST_STACK_BLOCK, 0, 0, 0);
-        for (b, place) in places.iter_mut().enumerate() {
+        let (first, ..) = self.pages.planes();
+        let mut blocks = blocks.chunks_exact_mut(sizes.block as usize);
+        let mut of_blocks =
+            spans.counts.chunks_exact(BLOCK_COLUMNS).zip(spans.depths.chunks_exact(BLOCK_COLUMNS));
+        let (mut at, mut written, mut room, mut lists) = (FIRST_STACK_BLOCK, 0, 0, 0);
+        for (b, place) in places.as_chunks_mut::<STACK_PLACE_WORDS>().0.iter_mut().enumerate() {
             if !self.occupied.has(b) {
                 *place = [0; STACK_PLACE_WORDS];
                 continue;
             }
-            let [south, north] = floating.runs[b];
-            let [of_south, of_north] = floating.lists[b].map(|is_listed| {
+            let [south, north] = spans.floating.runs[b];
+            let [of_south, of_north] = spans.floating.lists[b].map(|is_listed| {
                 lists += u32::from(is_listed);
                 if is_listed { lists } else { 0 }
             });
-            *place = [at, written, spans, spans + south, of_south, of_north];
-            at += STACK_BLOCK_WORDS;
-            spans += south + north;
-            let columns = b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS;
-            let (block, counts) = parts.next().expect("as many as are counted");
-            let (of_records, of_lows) = block.split_at_mut(BLOCK_WORDS);
-            copy(of_records, bytemuck::cast_slice(&first[columns.clone()]));
-            of_lows.copy_from_slice(bytemuck::cast_slice(&lows[columns.clone()]));
-            counts.copy_from_slice(bytemuck::cast_slice(&of_columns[columns.clone()]));
-            if !self.chained.has(b) {
-                continue;
-            }
-            for c in columns.filter(|&c| of_columns[c] > 0) {
-                self.kept(heads[c], &mut kept);
-                for (record, low) in &kept {
-                    let [height, class, rest] = record.0;
-                    *others.next().expect("as many as are counted") = [height, class, rest, (*low).into()];
+            *place = [at, written, room, room + south, of_south, of_north];
+            at += sizes.block;
+            room += south + north;
+            let (block, (counts, depths)) =
+                blocks.next().zip(of_blocks.next()).expect("as many as are counted");
+            let columns = &first[b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS];
+            for ((words, &record), &depth) in block.chunks_exact_mut(sizes.run).zip(columns).zip(depths) {
+                match record.is_empty() {
+                    true => words.fill(0),
+                    false => put(words, (record, depth)),
                 }
-                written += u32::from(of_columns[c]);
             }
+            written += counts.iter().map(|count| u32::from(*count)).sum::<u32>();
+        }
+        bytemuck::cast_slice_mut(counts).copy_from_slice(&spans.counts);
+        for (words, &span) in further.chunks_exact_mut(sizes.run).zip(&spans.further) {
+            put(words, span);
         }
     }
 

@@ -1,7 +1,7 @@
 //! What a section is, word for word: what is uploaded of it, and what the device derives from that.
 
 use crate::shared::payload::{self, BLOCK_LOG2, BLOCKS_SIDE, SECTION_LOG2};
-pub(super) use crate::shared::payload::{FIRST_BLOCK, FIRST_STACK_BLOCK, HEADER_WORDS, STACK_BLOCK_WORDS};
+pub(super) use crate::shared::payload::{FIRST_BLOCK, FIRST_STACK_BLOCK, HEADER_WORDS};
 
 /// Columns in a block.
 pub(super) const BLOCK_COLUMNS: usize = payload::BLOCK_COLUMNS as usize;
@@ -50,13 +50,13 @@ impl HeightCode {
         HeightCode { base: base.max(i32::MIN.into()) as i32, wide: spare < 0 }
     }
 
-    #[cfg(test)]
-    fn encode(self, height: crate::coords::Height) -> u32 {
+    /// The code of a height, which is in its range.
+    pub(super) fn encode(self, height: crate::coords::Height) -> u32 {
         (i64::from(height.0) - i64::from(self.base)) as u32
     }
 
-    #[cfg(test)]
-    fn decode(self, code: u32) -> crate::coords::Height {
+    /// The height of a code.
+    pub(super) fn decode(self, code: u32) -> crate::coords::Height {
         crate::coords::Height((i64::from(self.base) + i64::from(code)) as i32)
     }
 }
@@ -76,9 +76,6 @@ pub(super) const RUN_WORDS: usize = payload::RUN_WORDS as usize;
 /// Words of a block's place in stacks.
 pub(super) const STACK_PLACE_WORDS: usize = payload::STACK_PLACE_WORDS as usize;
 
-/// Words of a further run of stacks.
-pub(super) const STACK_RUN_WORDS: usize = payload::STACK_RUN_WORDS as usize;
-
 /// What a section of stacks may have of spans that float, whatever is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Floats {
@@ -95,8 +92,8 @@ pub struct Floats {
 /// those before it have; the blocks; their counts, in the same order; the further runs, highest first, column by column
 /// in block order.
 ///
-/// Of stacks: places have four words more, of runs that may float; blocks end with the lows of their runs, and so does
-/// each further run.
+/// Of stacks: places have four words more, of spans that may float; spans are in the place of runs, with codes in the place of
+/// heights, and say how deep they reach.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// How derived heights are stored.
@@ -126,17 +123,23 @@ pub(super) struct Sizes {
 impl Sizes {
     const COLUMNS: Sizes =
         Sizes { place: PLACE_WORDS, first_block: FIRST_BLOCK, block: payload::BLOCK_WORDS, run: RUN_WORDS };
-    const STACKS: Sizes = Sizes {
-        place: STACK_PLACE_WORDS,
-        first_block: FIRST_STACK_BLOCK,
-        block: STACK_BLOCK_WORDS,
-        run: STACK_RUN_WORDS,
-    };
+    const fn of_stacks(run: u32) -> Sizes {
+        let block = run * payload::BLOCK_COLUMNS;
+        Sizes { place: STACK_PLACE_WORDS, first_block: FIRST_STACK_BLOCK, block, run: run as usize }
+    }
+
+    fn of(code: HeightCode, floats: Option<Floats>) -> Sizes {
+        match (floats, code.wide) {
+            (None, _) => Sizes::COLUMNS,
+            (Some(_), false) => Sizes::of_stacks(payload::STACK_RUN_WORDS),
+            (Some(_), true) => Sizes::of_stacks(payload::STACK_RUN_WORDS_WIDE),
+        }
+    }
 }
 
 impl Layout {
     pub(super) fn new(blocks: u32, further_runs: u32, code: HeightCode, floats: Option<Floats>) -> Layout {
-        let sizes = if floats.is_some() { Sizes::STACKS } else { Sizes::COLUMNS };
+        let sizes = Sizes::of(code, floats);
         let counts = sizes.first_block + blocks * sizes.block;
         let others = counts + blocks * payload::COUNT_WORDS;
         let words = others + sizes.run as u32 * further_runs;
@@ -144,7 +147,7 @@ impl Layout {
     }
 
     pub(super) fn sizes(&self) -> Sizes {
-        if self.floats.is_some() { Sizes::STACKS } else { Sizes::COLUMNS }
+        Sizes::of(self.code, self.floats)
     }
 
     pub(super) fn header(&self) -> [u32; HEADER_WORDS as usize] {
@@ -313,10 +316,10 @@ mod tests {
         let floats = Floats { spans: 1000, lists: 10 };
         let derived = |wide| Derived { wide };
         let starts = |d: Derived| [d.floats(), d.lists(), d.spans(floats)];
-        assert_eq!(starts(derived(false)), [133_808, 143_344, 143_984]);
-        assert_eq!(derived(false).bytes_with(floats), 4 * (143_984 + 2 * 1000));
-        assert_eq!(starts(derived(true)), [202_080, 211_616, 212_736]);
-        assert_eq!(derived(true).bytes_with(floats), 4 * (212_736 + 3 * 1000));
+        assert_eq!(starts(derived(false)), [133_808, 143_344, 143_824]);
+        assert_eq!(derived(false).bytes_with(floats), 4 * (143_824 + 2 * 1000));
+        assert_eq!(starts(derived(true)), [202_080, 211_616, 212_496]);
+        assert_eq!(derived(true).bytes_with(floats), 4 * (212_496 + 3 * 1000));
         for wide in [false, true] {
             assert_eq!(derived(wide).bytes_with(Floats::default()), derived(wide).bytes());
             assert_eq!(derived(wide).lists() % 16, 0);

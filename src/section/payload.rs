@@ -1,11 +1,10 @@
 //! A payload: what is uploaded of a section as a whole, and what it is of that section.
 
-use super::layout::{
-    BLOCK_COLUMNS, BLOCK_WORDS, COUNT_WORDS, HEADER_WORDS, Layout, RUN_WORDS, SECTION_BLOCKS,
-};
+use super::layout::{BLOCK_COLUMNS, COUNT_WORDS, HEADER_WORDS, Layout, SECTION_BLOCKS};
 use super::slot::slot_bytes;
-use crate::attribute::Record;
+use crate::attribute::{Record, bias};
 use crate::coords::{Height, SectionKey};
+use crate::shared::payload::MOST_NARROW_CODE;
 
 /// What a payload is of its section. Each kind is made, requested and kept on the device by itself.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -73,14 +72,26 @@ impl Payload {
     /// Calls `each` for every column that holds anything, in block order: its [`super::column_index`], and its runs, highest
     /// first.
     pub fn columns(&self, mut each: impl FnMut(u16, &[Record])) {
-        self.columns_with_lows(|column, runs, _| each(column, runs));
+        self.columns_with_depths(|column, runs, _| each(column, runs));
     }
 
-    /// The same, and of stacks the low of each run, as [`crate::coords::Stacking::low_height`] reads it; of columns none.
-    pub fn columns_with_lows(&self, mut each: impl FnMut(u16, &[Record], &[u16])) {
+    /// The record of a run, and of stacks how deep it reaches.
+    fn run(&self, words: &[u32]) -> (Record, Option<u16>) {
+        if self.layout.floats.is_none() {
+            return (Record([words[0], words[1], words[2]]), None);
+        }
+        let (code, depth) = match words {
+            &[code, _, _, depth] => (code, depth as u16),
+            _ => (words[0] & MOST_NARROW_CODE, (words[0] >> 16) as u16),
+        };
+        (Record([bias(self.layout.code.decode(code)), words[1], words[2]]), Some(depth))
+    }
+
+    /// The same, and of stacks how deep each reaches, as [`crate::coords::Stacking::height_at_depth`] reads it; of columns none.
+    pub fn columns_with_depths(&self, mut each: impl FnMut(u16, &[Record], &[u16])) {
         let sizes = self.layout.sizes();
         let words = |at: usize, n: usize| &self.words[at..at + n];
-        let (mut runs, mut lows) = (Vec::with_capacity(8), Vec::with_capacity(8));
+        let (mut runs, mut depths) = (Vec::with_capacity(8), Vec::with_capacity(8));
         for b in 0..SECTION_BLOCKS {
             let place = words(HEADER_WORDS as usize + sizes.place * b, 2);
             let (at, mut next) = (place[0], self.layout.others as usize + sizes.run * place[1] as usize);
@@ -88,27 +99,23 @@ impl Payload {
                 continue;
             }
             let n = ((at - sizes.first_block) / sizes.block) as usize;
-            let (highest, lows_of) = words(at as usize, sizes.block as usize).split_at(BLOCK_WORDS);
-            let (highest, lows_of): (&[Record], &[u16]) =
-                (bytemuck::cast_slice(highest), bytemuck::cast_slice(lows_of));
+            let highest = words(at as usize, sizes.block as usize).chunks_exact(sizes.run);
             let counts = words(self.layout.counts as usize + COUNT_WORDS * n, COUNT_WORDS);
             let counts: &[u8] = bytemuck::cast_slice(counts);
-            for (c, (highest, &count)) in highest.iter().zip(counts).enumerate() {
-                if highest.is_empty() {
+            for (c, (highest, &count)) in highest.zip(counts).enumerate() {
+                if highest[0] == 0 {
                     continue;
                 }
                 runs.clear();
-                lows.clear();
-                runs.push(*highest);
-                lows.extend(lows_of.get(c));
+                depths.clear();
                 let further = words(next, usize::from(count) * sizes.run);
-                for run in further.chunks_exact(sizes.run) {
-                    runs.push(Record([run[0], run[1], run[2]]));
-                    // The upper half is 0.
-                    lows.extend(run.get(RUN_WORDS).map(|low| *low as u16));
+                for run in std::iter::once(highest).chain(further.chunks_exact(sizes.run)) {
+                    let (record, depth) = self.run(run);
+                    runs.push(record);
+                    depths.extend(depth);
                 }
                 next += further.len();
-                each((b * BLOCK_COLUMNS + c) as u16, &runs, &lows);
+                each((b * BLOCK_COLUMNS + c) as u16, &runs, &depths);
             }
         }
     }

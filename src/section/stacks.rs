@@ -35,9 +35,13 @@ pub(super) struct Stacks {
 /// Whether two records belong to the same run: same key, and, unless that never floats, same slice.
 #[inline]
 pub(super) fn same_run(slice_log2: u32, a: Record, b: Record) -> bool {
-    let is_same_key = a.class() == b.class() && (a.flags() ^ b.flags()) & KEY_FLAGS == 0;
     // First words are heights, of which the highest bit is turned.
-    is_same_key && (is_always_solid(a.class()) || (a.0[0] ^ b.0[0]) >> slice_log2 == 0)
+    same_key(a, b) && (is_always_solid(a.class()) || (a.0[0] ^ b.0[0]) >> slice_log2 == 0)
+}
+
+#[inline]
+fn same_key(a: Record, b: Record) -> bool {
+    a.class() == b.class() && (a.flags() ^ b.flags()) & KEY_FLAGS == 0
 }
 
 /// The low of a record's run, of which `lowest` is the lowest height.
@@ -134,29 +138,31 @@ impl Lowest {
     }
 }
 
-/// What a column's runs say of spans that float.
+/// What a column's spans say of what floats.
 struct Seen {
     /// Its lowest height.
     lowest: i32,
-    /// Runs that always float, and those of which what is around tells; the highest of their lowest heights.
+    /// Spans that always float.
     floating: u32,
-    unclassified: u32,
-    low: i32,
+    /// Where the lowest of them ends.
+    bottom: Height,
 }
 
 impl Seen {
-    const NOTHING: Seen = Seen { lowest: i32::MAX, floating: 0, unclassified: 0, low: i32::MIN };
+    const NOTHING: Seen = Seen { lowest: i32::MAX, floating: 0, bottom: Height(i32::MAX) };
 
-    fn see(&mut self, stacking: Stacking, (record, low): (Record, u16)) {
+    /// Gives the lowest height of a span of which what is around tells.
+    fn see(&mut self, stacking: Stacking, (record, depth): (Record, u16)) -> Option<i32> {
         let (class, high) = (record.class(), record.height().expect("runs are not empty"));
         let is_solid = is_always_solid(class);
-        let low = if is_solid { high } else { stacking.low_height(high, low) };
+        // No height is i32::MIN.
+        let low = Height(stacking.height_at_depth(high, depth).max(i64::from(i32::MIN) + 1) as i32);
         self.lowest = self.lowest.min(low.0);
+        let bottom =
+            if is_solid { low } else { Height(low.0.saturating_sub(stacking.thickness).max(i32::MIN + 1)) };
+        self.bottom = self.bottom.min(bottom);
         self.floating += u32::from(always_floats(class));
-        if !is_solid && !always_floats(class) {
-            self.unclassified += 1;
-            self.low = self.low.max(low.0);
-        }
+        (!is_solid && !always_floats(class)).then_some(low.0)
     }
 }
 
@@ -168,27 +174,41 @@ pub(super) struct Gathering {
     lowest: Lowest,
     /// Blocks that hold anything.
     occupied: Vec<bool>,
-    /// Columns with runs of which what is around tells.
-    unclassified: Vec<(u16, Seen)>,
+    /// Columns of spans of which what is around tells, and their lowest heights.
+    unclassified: Vec<(u16, i32)>,
+    /// No span ends lower.
+    lowest_bottom: Height,
 }
 
 impl Gathering {
     pub(super) fn new(stacking: Stacking) -> Gathering {
         let (runs, occupied) = (vec![[0; 2]; SECTION_BLOCKS], vec![false; SECTION_BLOCKS]);
-        Gathering { stacking, runs, lowest: Lowest::none(), occupied, unclassified: Vec::new() }
+        let lowest_bottom = Height(i32::MAX);
+        Gathering {
+            stacking,
+            runs,
+            lowest: Lowest::none(),
+            occupied,
+            unclassified: Vec::new(),
+            lowest_bottom,
+        }
     }
 
-    /// A column, and all of its runs that are uploaded, with their lows.
-    pub(super) fn see(&mut self, column: u16, runs: impl Iterator<Item = (Record, u16)>) {
+    /// No span that has been seen ends lower.
+    pub(super) fn lowest_bottom(&self) -> Height {
+        self.lowest_bottom
+    }
+
+    /// A column, and all of its spans that are uploaded, with their depths.
+    pub(super) fn see(&mut self, column: u16, spans: &[(Record, u16)]) {
         let mut seen = Seen::NOTHING;
-        runs.for_each(|run| seen.see(self.stacking, run));
+        let lows = spans.iter().filter_map(|span| seen.see(self.stacking, *span));
+        self.unclassified.extend(lows.map(|low| (column, low)));
         let block = usize::from(column) / BLOCK_COLUMNS;
         self.occupied[block] = true;
         self.runs[block][half_of(column)] += seen.floating;
         self.lowest.set(column, seen.lowest);
-        if seen.unclassified > 0 {
-            self.unclassified.push((column, seen));
-        }
+        self.lowest_bottom = self.lowest_bottom.min(seen.bottom);
     }
 
     pub(super) fn finish(mut self) -> Floating {
@@ -196,10 +216,10 @@ impl Gathering {
         // Where nothing around is lower by a gap, nothing floats under any mask.
         let gap = i64::from(self.stacking.gap());
         let around = if self.unclassified.is_empty() { Lowest::none() } else { self.lowest.around() };
-        let over = |(column, seen): &(u16, Seen)| i64::from(seen.low) - i64::from(around.at(*column)) > gap;
+        let over = |(column, low): &(u16, i32)| i64::from(*low) - i64::from(around.at(*column)) > gap;
         let last = SECTION_SIDE - 1;
-        for (column, seen) in self.unclassified.into_iter().filter(over) {
-            self.runs[usize::from(column) / BLOCK_COLUMNS][half_of(column)] += seen.unclassified;
+        for (column, _) in self.unclassified.into_iter().filter(over) {
+            self.runs[usize::from(column) / BLOCK_COLUMNS][half_of(column)] += 1;
             // What is around tells it by its lowest points, which lists have.
             let ends = |at: u32| [at.saturating_sub(REACH as u32), (at + REACH as u32).min(last)];
             let [x, y] = column_at(column).map(ends);
@@ -212,15 +232,42 @@ impl Gathering {
     }
 }
 
-/// Keeps of a column's further runs, and their lows, those that are uploaded, highest first: the highest, but not only such
-/// as float where others lie below them.
-pub(super) fn keep(runs: &mut Vec<(Record, u16)>) {
+/// The spans of a column, whose runs come in any order, with their lows: runs of a key whose ends are no farther apart than a slice
+/// are one, which has the highest record, and how deep it reaches below that. Highest first, and no more than are uploaded: the highest, but
+/// of those below them the highest that is always solid, and the highest of which what is around tells, too.
+pub(super) fn join(stacking: Stacking, runs: &mut Vec<(Record, u16)>, spans: &mut Vec<(Record, u16)>) {
     runs.sort_unstable_by(|(a, _), (b, _)| b.cmp(a));
-    let most = usize::from(MOST_OTHERS);
-    if let Some(solid) = runs.iter().skip(most).find(|(record, _)| !always_floats(record.class())) {
-        runs[most - 1] = *solid;
+    spans.clear();
+    let height = |record: Record| record.height().expect("runs are not empty");
+    for &(record, low) in &*runs {
+        let high = height(record);
+        let lowest = if is_always_solid(record.class()) { high } else { stacking.low_height(high, low) };
+        let lowest = i64::from(lowest.0);
+        if let Some((above, depth)) = spans.iter_mut().rev().find(|(above, _)| same_key(*above, record)) {
+            let top = height(*above);
+            let end = stacking.height_at_depth(top, *depth);
+            if end - i64::from(high.0) <= i64::from(stacking.gap()) {
+                if i64::from(top.0) - lowest <= stacking.most_depth() {
+                    *depth = stacking.depth_of(top, lowest.min(end));
+                    continue;
+                }
+                // Longer than a depth can tell: it ends where the next begins.
+                *depth = stacking.depth_of(top, end.min(high.0.into()));
+            }
+        }
+        spans.push((record, stacking.depth_of(high, lowest)));
     }
-    runs.truncate(most);
+    let most = usize::from(MOST_OTHERS) + 1;
+    if spans.len() > most {
+        let dropped = spans.split_off(most);
+        let highest = |is: fn(u8) -> bool| dropped.iter().find(|(record, _)| is(record.class()));
+        let of_solid = highest(is_always_solid);
+        let of_others = highest(|class| !is_always_solid(class) && !always_floats(class));
+        let kept: Vec<_> = of_others.into_iter().chain(of_solid).collect();
+        spans.truncate(most - kept.len());
+        spans.extend(kept);
+        spans.sort_unstable_by(|(a, _), (b, _)| b.cmp(a));
+    }
 }
 
 #[cfg(test)]
@@ -237,7 +284,7 @@ mod tests {
     const CLASSES: [u8; 8] = [0, 1, 2, 5, 6, 17, 18, 64];
 
     type Point = (u32, u32, Record);
-    /// Of each column, highest first: runs and their lows.
+    /// Of each column, highest first: spans and their depths.
     type Runs = BTreeMap<u16, Vec<(Record, u16)>>;
 
     fn stacking(thickness: i32, slice_log2: u32) -> Stacking {
@@ -263,39 +310,65 @@ mod tests {
         stacks
     }
 
-    /// The runs that are uploaded, as it is specified, from points.
+    /// Steps that a low, and a depth, counts by.
+    fn units(slice_log2: u32) -> [i64; 2] {
+        [1 << slice_log2.saturating_sub(16), 1 << slice_log2.saturating_sub(14)]
+    }
+
+    /// The spans that are uploaded, as it is specified, from points.
     fn runs_plainly(Stacking { slice_log2, .. }: Stacking, points: &[Point]) -> Runs {
+        let [low_unit, unit] = units(slice_log2);
+        let gap = 1i64 << slice_log2;
+        // Of each column, key and slice, the highest first: the highest record and the lowest height, rounded down.
         let mut all = BTreeMap::new();
         for &(x, y, record) in points {
-            let slice =
-                (!SOLID.contains(&record.class())).then(|| height(record).div_euclid(1 << slice_log2));
+            let h = height(record);
+            let slice = (!SOLID.contains(&record.class())).then(|| -h.div_euclid(gap));
             let at = (column_index(x, y), key(record), slice);
-            let (best, lowest) = all.entry(at).or_insert((record, height(record)));
+            let (best, lowest) = all.entry(at).or_insert((record, h));
             *best = record.max(*best);
-            *lowest = height(record).min(*lowest);
+            *lowest = h.div_euclid(low_unit).min(lowest.div_euclid(low_unit)) * low_unit;
+        }
+        let mut spans = BTreeMap::<_, Vec<(Record, i64)>>::new();
+        for ((column, key, slice), (best, lowest)) in all {
+            let lowest = if slice.is_some() { lowest } else { height(best) };
+            let of_key = spans.entry((column, key)).or_default();
+            if let Some((top, depth)) = of_key.last_mut()
+                && height(*top) - *depth * unit - height(best) <= gap
+            {
+                let reach = height(*top) - lowest;
+                if reach <= 0xFFFF * unit - gap {
+                    *depth = (*depth).max(-(-reach).div_euclid(unit));
+                    continue;
+                }
+                *depth = (*depth).max(-(height(best) - height(*top)).div_euclid(unit));
+            }
+            of_key.push((best, -(lowest - height(best)).div_euclid(unit)));
         }
         let mut runs = Runs::new();
-        for ((column, _, slice), (best, lowest)) in all {
-            let low =
-                slice.map_or(0, |slice| (lowest - (slice << slice_log2)) >> slice_log2.saturating_sub(16));
-            runs.entry(column).or_default().push((best, low.try_into().unwrap()));
+        for ((column, _), spans) in spans {
+            let spans = spans.into_iter().map(|(top, depth)| (top, depth.try_into().unwrap()));
+            runs.entry(column).or_default().extend(spans);
         }
         for runs in runs.values_mut() {
             runs.sort_unstable_by(|a, b| b.cmp(a));
             let dropped = runs.split_off(runs.len().min(255));
-            if let Some(solid) = dropped.iter().find(|(record, _)| !FLOATING.contains(&record.class())) {
-                runs[254] = *solid;
-            }
+            let highest = |is: &dyn Fn(u8) -> bool| dropped.iter().find(|(record, _)| is(record.class()));
+            let of_others = highest(&|class| !SOLID.contains(&class) && !FLOATING.contains(&class));
+            let of_solid = highest(&|class| SOLID.contains(&class));
+            let kept: Vec<_> = of_others.into_iter().chain(of_solid).collect();
+            runs.truncate(runs.len() - kept.len());
+            runs.extend(kept);
+            runs.sort_unstable_by(|a, b| b.cmp(a));
         }
         runs
     }
 
-    /// Highest and lowest height of a run.
-    fn ends(Stacking { slice_log2, .. }: Stacking, (record, low): (Record, u16)) -> [i64; 2] {
+    /// Highest and lowest height of a span.
+    fn ends(Stacking { slice_log2, .. }: Stacking, (record, depth): (Record, u16)) -> [i64; 2] {
         let high = height(record);
-        let above = i64::from(low) << slice_log2.saturating_sub(16);
-        let bottom = high.div_euclid(1 << slice_log2) << slice_log2;
-        [high, if SOLID.contains(&record.class()) { high } else { bottom + above }]
+        let low = high - i64::from(depth) * units(slice_log2)[1];
+        [high, low.max(i64::from(i32::MIN) + 1)]
     }
 
     /// What is known of the columns around one, itself included.
@@ -320,10 +393,11 @@ mod tests {
                 !FLOATING.contains(&record.class()) && !SOLID.contains(&record.class())
             };
             let least = around(&lowest, column).min().unwrap();
-            let highest = runs.iter().filter(tells_nothing).map(low).max();
-            let is_over = highest.is_some_and(|low| low - least > i64::from(stacking.gap()));
-            let may = |class: u8| FLOATING.contains(&class) || is_over && !SOLID.contains(&class);
-            let n = runs.iter().filter(|(record, _)| may(record.class())).count() as u32;
+            let over = |run: &&(Record, u16)| low(run) - least > i64::from(stacking.gap());
+            let n_over = runs.iter().filter(tells_nothing).filter(over).count();
+            let is_over = n_over > 0;
+            let floating = runs.iter().filter(|(record, _)| FLOATING.contains(&record.class())).count();
+            let n = (floating + n_over) as u32;
             let of = halves.entry(half(column)).or_default();
             *of = (of.0 + n, of.1 || n > 0);
             if is_over {
@@ -343,22 +417,32 @@ mod tests {
     fn pack_plainly(stacking: Stacking, points: &[Point]) -> (Vec<u32>, Runs) {
         let runs = runs_plainly(stacking, points);
         let may_float = may_float_plainly(stacking, &runs);
-        let heights = || points.iter().map(|(_, _, record)| height(*record));
-        let low_step = 1 << stacking.slice_log2.saturating_sub(16);
-        let lowest = heights().min().unwrap_or(i32::MAX.into()).div_euclid(low_step) * low_step;
-        let bottom = (lowest - i64::from(stacking.thickness)).max(i64::from(i32::MIN) + 1);
-        let highest = heights().max().unwrap_or(i32::MIN.into());
+        let all = || runs.values().flatten();
+        let bottom = |run: &(Record, u16)| {
+            let thickness = if SOLID.contains(&run.0.class()) { 0 } else { i64::from(stacking.thickness) };
+            ends(stacking, *run)[1] - thickness
+        };
+        let bottom = all().map(bottom).min().unwrap_or(i32::MAX.into()).max(i64::from(i32::MIN) + 1);
+        let highest = points.iter().map(|(_, _, record)| height(*record)).max().unwrap_or(i32::MIN.into());
         let code = HeightCode::fit(bottom as i32, highest as i32);
+        let words_of = |(record, depth): (Record, u16)| {
+            let [at, depth] = [(height(record) - i64::from(code.base)) as u32, u32::from(depth)];
+            match code.wide {
+                false => vec![at | depth << 16, record.0[1], record.0[2]],
+                true => vec![at, record.0[1], record.0[2], depth],
+            }
+        };
+        let run_words = 3 + usize::from(code.wide);
         let mut blocks: Vec<u16> = runs.keys().map(|column| column / 64).collect();
         blocks.dedup();
-        let counts_at = 16 + 6 * 1024 + 224 * blocks.len();
+        let counts_at = 16 + 6 * 1024 + 64 * run_words * blocks.len();
         let others_at = counts_at + 16 * blocks.len();
         let mut words = vec![0; others_at];
         for (n, &block) in blocks.iter().enumerate() {
-            let at = 16 + 6 * 1024 + 224 * n;
+            let at = 16 + 6 * 1024 + 64 * run_words * n;
             let place = 16 + 6 * usize::from(block);
             words[place] = at as u32;
-            words[place + 1] = (words.len() - others_at) as u32 / 4;
+            words[place + 1] = ((words.len() - others_at) / run_words) as u32;
             for half in 0..2 {
                 let here = [block, half];
                 words[place + 2 + usize::from(half)] = may_float.range(..here).map(|(_, (n, _))| n).sum();
@@ -369,14 +453,9 @@ mod tests {
             }
             for (column, runs) in runs.range(64 * block..=64 * block + 63) {
                 let c = usize::from(column % 64);
-                let (first, low) = runs[0];
-                words[at + 3 * c..at + 3 * c + 3].copy_from_slice(&first.0);
-                words[at + 192 + c / 2] |= u32::from(low) << (16 * (c % 2));
+                words[at + run_words * c..at + run_words * (c + 1)].copy_from_slice(&words_of(runs[0]));
                 words[counts_at + 16 * n + c / 4] |= (runs.len() as u32 - 1) << (8 * (c % 4));
-                for (record, low) in &runs[1..] {
-                    words.extend(record.0);
-                    words.push((*low).into());
-                }
+                runs[1..].iter().for_each(|span| words.extend(words_of(*span)));
             }
         }
         let header = [2, words.len(), 8 << 16 | usize::from(code.wide) << 8, code.base as usize];
@@ -389,9 +468,9 @@ mod tests {
 
     fn runs_of(packed: &Payload) -> Runs {
         let mut read = Runs::new();
-        packed.columns_with_lows(|column, runs, lows| {
-            assert_eq!(runs.len(), lows.len());
-            let runs = runs.iter().copied().zip(lows.iter().copied()).collect();
+        packed.columns_with_depths(|column, runs, depths| {
+            assert_eq!(runs.len(), depths.len());
+            let runs = runs.iter().copied().zip(depths.iter().copied()).collect();
             assert!(read.insert(column, runs).is_none());
         });
         read
@@ -424,7 +503,7 @@ mod tests {
         let most = section.layout_at_most();
         let [floats, at_most] = [layout, most].map(|layout| layout.floats.unwrap());
         assert!(floats.spans <= at_most.spans && floats.lists <= at_most.lists);
-        assert_eq!(most.uploaded_bytes(), layout.uploaded_bytes());
+        assert!(layout.uploaded_bytes() <= most.uploaded_bytes());
         assert!(layout.derived_bytes() <= most.derived_bytes());
     }
 
@@ -574,14 +653,13 @@ mod tests {
                 let is_over_lower = || around(&lowest, column).filter(beneath).count() >= 3;
                 FLOATING.contains(&class) || !SOLID.contains(&class) && is_over_lower()
             };
-            let spans = spans_of_runs(stacking, runs);
-            let spans = spans.iter().flat_map(|(key, spans)| spans.iter().map(|span| (key.0, *span)));
-            let (floating, solid): (Vec<_>, Vec<_>) =
-                spans.partition(|(class, [_, low])| floats(*class, *low));
-            let solid = solid.into_iter().map(|(_, [top, _])| top).max();
-            let floating =
-                floating.into_iter().filter(|(_, [top, _])| solid.is_none_or(|solid| *top > solid));
-            for (class, _) in floating {
+            let is_solid = |run: &&(Record, u16)| !floats(run.0.class(), ends(stacking, **run)[1]);
+            let solid = runs.iter().find(is_solid).map(|(record, _)| *record);
+            let floating = runs
+                .iter()
+                .map(|(record, _)| *record)
+                .filter(|record| solid.is_none_or(|solid| *record > solid));
+            for class in floating.map(Record::class) {
                 *halves.entry([column / 64, column % 64 / 32]).or_insert(0) += 1;
                 untold += u32::from(!FLOATING.contains(&class));
             }
@@ -673,10 +751,10 @@ mod tests {
             prop_assert!(parent.pack().words == direct.pack().words);
         }
 
-        /// Where lows are exact. What a span covers: its highest point down to its lowest, and the thickness further.
+        /// Where depths are exact. What a span covers: its highest point down to its lowest, and the thickness further.
         #[test]
         fn runs_join_to_the_spans_of_the_points(
-            slice_log2 in prop::sample::select(vec![0, 2, 9, 16]),
+            slice_log2 in prop::sample::select(vec![0, 2, 9, 14]),
             thickness in 1i32..3000,
             points in points(9, 900),
             crowd in 1u32..6,

@@ -10,7 +10,7 @@ use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::{ColumnData, Visibility};
 use lasray::section::{Columns, Derived, Payload, Surface, column_at};
 use lasray::shared::payload::{FLOAT_MEANS, LIST_COUNTS, LIST_SPANS};
-use lasray::source::FLAG_WITHHELD;
+use lasray::source::{FLAG_OVERLAP, FLAG_WITHHELD};
 use std::collections::BTreeMap;
 
 const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
@@ -323,22 +323,25 @@ fn masks_of_stacks_copy_nothing_and_come_back_word_for_word() {
     });
 }
 
-/// High columns of one span, many beside each other: more than drivers let loops turn for each run by itself.
+/// High columns of many spans of four keys, one between the others, many columns beside each other: drivers let loops turn only so often.
 #[test]
-fn all_of_many_runs_float() {
-    common::run("derived::all_of_many_runs_float", LAVAPIPE, |setup| {
+fn all_of_many_spans_float() {
+    common::run("derived::all_of_many_spans_float", LAVAPIPE, |setup| {
         let gpu = setup.gpu();
         let mut columns = Columns::new(Surface::Stacks, GRID.stacking(0));
-        let mut add = |x: u32, y: u32, height: i32, class: u8| {
+        let mut add = |x: u32, y: u32, height: i32, class: u8, flags: u8| {
             let height = Height(height);
-            let attributes = Attributes { height, class, intensity: 9, rgb: [5; 3], returns: 0x11, flags: 0 };
+            let attributes = Attributes { height, class, intensity: 9, rgb: [5; 3], returns: 0x11, flags };
             columns.add(x, y, Record::pack(attributes));
         };
-        let (rows, runs) = (64..72, 100);
+        let (rows, spans) = (64..72, 240);
         for (x, y) in (0..SECTION_SIDE).flat_map(|x| (56..80).map(move |y| (x, y))) {
-            add(x, y, 9000, 2);
+            add(x, y, 9000, 2, 0);
             if rows.contains(&y) {
-                (0..runs).for_each(|k| add(x, y, 12_300 + k * 512, 1));
+                // Those of a key are farther apart than a gap.
+                (0..spans).for_each(|k| {
+                    add(x, y, 12_300 + k * 200, (k % 2) as u8, (k / 2 % 2) as u8 * FLAG_OVERLAP)
+                });
             }
         }
         let shown = Visibility { classes: ClassMask::all(), withheld: false, bridge: 0, near_ties: false };
@@ -346,8 +349,8 @@ fn all_of_many_runs_float() {
         let key = SectionKey { level: 0, i: 0, j: 0 };
         assert!(scene.upload(key, &columns.pack()).unwrap());
         scene.settle().unwrap();
-        let (_, spans) = written(&mut scene, key, &shown);
-        assert_eq!(spans, SECTION_SIDE * rows.len() as u32 * runs as u32);
+        let (_, floating) = written(&mut scene, key, &shown);
+        assert_eq!(floating, SECTION_SIDE * rows.len() as u32 * spans as u32);
         assert_eq!(gpu.messages(), [""; 0]);
     });
 }

@@ -12,7 +12,7 @@ use lasray::resident::pool::Access;
 use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::Visibility;
 use lasray::section::{Derived, Surface};
-use lasray::shared::payload::{LIST_CODES, LIST_LOWEST};
+use lasray::shared::payload::LIST_SOLID;
 use std::collections::HashMap;
 
 /// Columns beside each other are of one surface if they differ by no more cells.
@@ -73,7 +73,7 @@ impl Words {
             0 => self.node(0, [x, y]),
             at => {
                 let wide = u32::from(self.derived.wide);
-                let solids = at + 1 + wide + LIST_LOWEST + 2 * (LIST_CODES << wide);
+                let solids = at + 1 + wide + LIST_SOLID;
                 self.code(solids, y % 4 * 4 + x % 4)
             }
         }

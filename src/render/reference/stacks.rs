@@ -148,7 +148,7 @@ impl StackMap {
             let (floating, solid): (Vec<Span>, Vec<Span>) =
                 column.spans.iter().partition(|&span| floats(span));
             let solid = solid.into_iter().map(|span| span.top).max();
-            let is_above = |span: &Span| solid.is_none_or(|solid| span.top.height_steps > solid.height_steps);
+            let is_above = |span: &Span| solid.is_none_or(|solid| span.top > solid);
             let mut floating: Vec<Floating> = floating
                 .into_iter()
                 .filter(is_above)
