@@ -16,7 +16,8 @@ struct Job {
     uint lists;    // half blocks in which anything may float
     uint jump;     // of a smooth surface: tops of columns beside each other that differ by more are of two surfaces, lattice steps
     uint corners;  // and the first word of its corners
-    uint spare[3];
+    uint reach;    // of stacks: columns each way that tell whether what is not classified floats
+    uint spare[2];
 };
 
 struct Derive {

@@ -1,6 +1,7 @@
 // Of stacks, where something may float: each column's solid part, from its highest solid span down, and the spans that float
 // above it. What is always solid is; vegetation, wires and the like float; of what is not classified a span floats where at
-// least three of the 5 x 5 columns around hold a lower point, beneath a gap, as where a laser sees through crowns.
+// least three of the 5 x 5 columns around hold a lower point, beneath a gap, as where a laser sees through crowns; on the next level two of the
+// 3 x 3, above that the column itself, which is as wide.
 // Reads spans and lowest points; writes lists, spans that float, what columns show, the measured bits and level 0 of the pyramid, without bridges
 // levels 1 and 2. One thread a half block; y is the job.
 #version 460
@@ -14,28 +15,28 @@
 layout(local_size_x = DERIVE_THREADS) in;
 layout(constant_id = ID_BRIDGE) const bool BRIDGE = false; // bridge.comp follows
 
-const int REACH = 2;
-const uint LEAST_LOWER = 3u;
 const uint NOTHING_LOWER = 0xFFFFFFFFu;
 
+int reach; // of what tells whether what is not classified floats
 uint span; // where the next one goes
 uvec2 bounds; // codes of the list's highest top and lowest bottom
 uint highest; // code of the column's highest span
 
-// Code of the highest of the lowest points of LEAST_LOWER columns around `column`, those whose lowest point is lowest: what lies
-// more than a gap above it lies so over all of them. As loops may take only so many turns (lavapipe: 65,535 a thread, all of
-// its loops together), it is found once a column.
-uint lowest_around(ivec2 column) {
+// Of the columns within the reach of `column` the three whose lowest points are lowest, on coarser levels two or one: code of the
+// highest of these points. What lies more than a gap above it lies so over all of them. As loops may take only so many turns (lavapipe:
+// 65,535 a thread, all of its loops together), it is found once a column.
+uint lowest_around(ivec2 column, int reach) {
     uvec3 least = uvec3(NOTHING_LOWER);
-    for (int k = 0; k < 25; k++) {
-        ivec2 near = column + ivec2(k % 5, k / 5) - REACH;
+    int side = 2 * reach + 1;
+    for (int k = 0; k < side * side; k++) {
+        ivec2 near = column + ivec2(k % side, k / side) - reach;
         if (any(notEqual(near & int(SECTION_SIDE - 1u), near))) continue;
         uint list = list_of(derived, block_of(uvec2(near)), IS_WIDE);
         if (list == 0u) continue;
         uint there = code_in(derived, list, OF_LOWEST, in_block(uvec2(near)), IS_WIDE);
         if (there != 0u) least = uvec3(min(least.x, there), max(least.x, min(least.y, there)), max(least.y, min(least.z, there)));
     }
-    return least[LEAST_LOWER - 1u];
+    return reach == 0 ? least.x : reach == 1 ? least.y : least.z;
 }
 
 void add_span(uvec3 run, uint bottom) {
@@ -61,7 +62,7 @@ uvec2 stack_of(uint column, ivec2 place_in_section, uint at, uint end, uint to) 
             uint class_ = class_of(next.xyz), lowest = lowest_of(next);
             bool floats = always_floats(class_);
             if (!floats && !is_always_solid(class_)) {
-                if (!is_around_known) around = lowest_around(place_in_section);
+                if (!is_around_known) around = lowest_around(place_in_section, reach);
                 is_around_known = true;
                 floats = lowest > gap && around < lowest - gap;
             }
@@ -81,6 +82,7 @@ void main() {
     uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x, upper = half_block & 1u;
     uvec4 section = JOB[job].section;
     begin_stacks(job);
+    reach = int(JOB[job].reach);
     block = place_of(half_block, 0u);
     if (block == 0u) return;
     uint number = place_of(half_block, 4u + upper);

@@ -56,7 +56,8 @@ impl Grid {
     /// smallest power of two of steps that is at least two cells of `base_cell`, doubled with each level and each doubling
     /// of the cell.
     pub fn stacking(&self, level: u8) -> Stacking {
-        Stacking::new(self.base_cell / self.height_step, self.coarsen + u32::from(level))
+        let stacking = Stacking::new(self.base_cell / self.height_step, self.coarsen + u32::from(level));
+        Stacking { reach: Stacking::REACH.checked_shr(level.into()).unwrap_or(0), ..stacking }
     }
 
     /// Side of a finest cell, CRS units.

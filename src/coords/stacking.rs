@@ -16,6 +16,9 @@ pub struct Stacking {
     /// log2 of the height of slices: of a column's points of a kind in a slice, the highest and the lowest are kept. Spans
     /// whose ends are farther apart than a slice is high are two.
     pub slice_log2: u32,
+    /// Columns around one, each way, whose lower points let what is not classified float there, if there are more such columns than this: two of the
+    /// finest level, and so many as those are on coarser ones, so that a roof stands on all of them.
+    pub reach: u32,
 }
 
 impl Stacking {
@@ -26,8 +29,15 @@ impl Stacking {
         let finest = (0..MOST_LOG2).find(fits).unwrap_or(MOST_LOG2);
         let slice_log2 = finest.saturating_add(doublings).min(MOST_LOG2);
         let thickness = (cell_steps * f64::from(doublings).exp2()).ceil();
-        Stacking { thickness: thickness.clamp(1.0, f64::from(1 << MOST_LOG2)) as i32, slice_log2 }
+        Stacking {
+            thickness: thickness.clamp(1.0, f64::from(1 << MOST_LOG2)) as i32,
+            slice_log2,
+            reach: Self::REACH,
+        }
     }
+
+    /// [`Self::reach`] on the finest level.
+    pub const REACH: u32 = 2;
 
     /// Steps between the ends of two spans at most, or they are one: the height of a slice.
     pub const fn gap(self) -> i32 {
@@ -115,7 +125,8 @@ mod tests {
             (0.5, 0, 30, 1 << 30, 30),
         ] {
             let stacking = grid(cell, coarsen).stacking(level);
-            assert_eq!(stacking, Stacking { thickness, slice_log2 }, "{cell} {coarsen} {level}");
+            let reach = [2, 1, 0].get(usize::from(level)).copied().unwrap_or(0);
+            assert_eq!(stacking, Stacking { thickness, slice_log2, reach }, "{cell} {coarsen} {level}");
             assert_eq!(stacking.gap(), 1 << slice_log2);
         }
     }
@@ -127,7 +138,7 @@ mod tests {
             other in any::<u16>(),
             slice_log2 in 0u32..=30,
         ) {
-            let (fine, high) = (Stacking { thickness: 7, slice_log2 }, Height(h));
+            let (fine, high) = (Stacking { thickness: 7, slice_log2, reach: 2 }, Height(h));
             let low = fine.low_height(high, fine.low_of(high));
             prop_assert!(low <= high && i64::from(h) - i64::from(low.0) < 1 << fine.low_step_log2());
             prop_assert!(low >= fine.slice_bottom(high));
@@ -139,7 +150,7 @@ mod tests {
             prop_assert_eq!(said.0 >> slice_log2, h >> slice_log2);
             prop_assert_eq!(fine.low_of(said), any);
             // Coarser slices: rounding twice is rounding once.
-            let coarse = Stacking { thickness: 14, slice_log2: fine.coarser_log2() };
+            let coarse = Stacking { thickness: 14, slice_log2: fine.coarser_log2(), reach: 1 };
             prop_assert_eq!(coarse.low_of(low), coarse.low_of(high));
         }
     }

@@ -344,9 +344,9 @@ pub struct Task {
     pub steepest: u32,
     /// Height steps within which runs are as high as each other, and one is shown whose class tells more; 0: none is.
     pub tie: u32,
-    /// Of stacks: log2 height steps of a slice, those that what floats reaches down below its points, and in how many half
-    /// blocks anything may.
-    pub stacks: Option<[u32; 3]>,
+    /// Of stacks: log2 height steps of a slice, those that what floats reaches down below its points, in how many half
+    /// blocks anything may, and how far around is told what floats.
+    pub stacks: Option<[u32; 4]>,
     /// Of smooth surfaces: height steps by which what hangs together rises from a column to the next at most, and the first
     /// word of the corners.
     pub smooth: Option<[u32; 2]>,
@@ -374,14 +374,15 @@ struct Job {
     lists: u32,
     jump: u32,
     corners: u32,
-    spare: [u32; 3],
+    reach: u32,
+    spare: [u32; 2],
 }
 
 impl Task {
     fn job(&self, [first, area]: [[u32; 2]; 2]) -> Job {
         let word = |[east, north]: [u32; 2]| east | north << 16;
         let Task { section, near, steepest, tie, .. } = *self;
-        let [slice, thickness, lists] = self.stacks.unwrap_or_default();
+        let [slice, thickness, lists, reach] = self.stacks.unwrap_or_default();
         let [jump, corners] = self.smooth.unwrap_or_default();
         Job {
             section,
@@ -395,7 +396,8 @@ impl Task {
             lists,
             jump,
             corners,
-            spare: [0; 3],
+            reach,
+            spare: [0; 2],
         }
     }
 
@@ -404,7 +406,7 @@ impl Task {
         match pass.declared().of {
             Of::Columns => self.stacks.is_none(),
             Of::Stacks => self.stacks.is_some(),
-            Of::Floating => self.stacks.is_some_and(|[.., lists]| lists > 0),
+            Of::Floating => self.stacks.is_some_and(|[_, _, lists, _]| lists > 0),
             Of::Smooth => self.smooth.is_some(),
             Of::Both => true,
         }
@@ -668,6 +670,7 @@ mod tests {
                     lists,
                     jump,
                     corners,
+                    reach,
                     spare
                 }),
             );

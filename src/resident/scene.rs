@@ -431,7 +431,7 @@ impl Scene {
             // Gaps steeper than 45° are edges.
             stacks: version.layout.floats.map(|floats| {
                 let stacking = self.grid.stacking(key.section.level);
-                [stacking.slice_log2, stacking.thickness as u32, floats.lists]
+                [stacking.slice_log2, stacking.thickness as u32, floats.lists, stacking.reach]
             }),
             smooth: version.layout.corners().map(|first| {
                 let jump = f64::from(JUMP_QUARTERS) / 4.0 * self.grid.cell_steps(key.section.level);

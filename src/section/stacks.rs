@@ -18,9 +18,6 @@ const KEY_FLAGS: u8 = FLAG_SYNTHETIC | FLAG_KEY_POINT | FLAG_WITHHELD | FLAG_OVE
 /// Columns of a half block, the southern or northern rows of a block.
 const HALF_COLUMNS: usize = (HALF_BLOCK_EAST * HALF_BLOCK_NORTH) as usize;
 
-/// Columns around one, each way, whose lower points let it float where its class does not tell.
-const REACH: usize = 2;
-
 /// What stacks have besides columns.
 pub(super) struct Stacks {
     pub(super) stacking: Stacking,
@@ -115,10 +112,10 @@ impl Lowest {
         self.0[(y * SECTION_SIDE + x) as usize] = lowest;
     }
 
-    /// That of all columns within [`REACH`], of each column.
-    fn around(&self) -> Lowest {
+    /// That of all columns within a reach, of each column.
+    fn around(&self, reach: usize) -> Lowest {
         const SIDE: usize = SECTION_SIDE as usize;
-        let near = |at: usize| at.saturating_sub(REACH)..SIDE.min(at + REACH + 1);
+        let near = |at: usize| at.saturating_sub(reach)..SIDE.min(at + reach + 1);
         let least = |some: &[i32]| some.iter().fold(i32::MAX, |least, v| least.min(*v));
         let along: Vec<i32> =
             self.0.chunks_exact(SIDE).flat_map(|row| (0..SIDE).map(move |x| least(&row[near(x)]))).collect();
@@ -214,14 +211,15 @@ impl Gathering {
     pub(super) fn finish(mut self) -> Floating {
         let mut lists: Vec<[bool; 2]> = self.runs.iter().map(|halves| halves.map(|n| n > 0)).collect();
         // Where nothing around is lower by a gap, nothing floats under any mask.
-        let gap = i64::from(self.stacking.gap());
-        let around = if self.unclassified.is_empty() { Lowest::none() } else { self.lowest.around() };
+        let (gap, reach) = (i64::from(self.stacking.gap()), self.stacking.reach);
+        let around =
+            if self.unclassified.is_empty() { Lowest::none() } else { self.lowest.around(reach as usize) };
         let over = |(column, low): &(u16, i32)| i64::from(*low) - i64::from(around.at(*column)) > gap;
         let last = SECTION_SIDE - 1;
         for (column, _) in self.unclassified.into_iter().filter(over) {
             self.runs[usize::from(column) / BLOCK_COLUMNS][half_of(column)] += 1;
             // What is around tells it by its lowest points, which lists have.
-            let ends = |at: u32| [at.saturating_sub(REACH as u32), (at + REACH as u32).min(last)];
+            let ends = |at: u32| [at.saturating_sub(reach), (at + reach).min(last)];
             let [x, y] = column_at(column).map(ends);
             for corner in x.into_iter().flat_map(|x| y.map(|y| column_index(x, y))) {
                 let block = usize::from(corner) / BLOCK_COLUMNS;
@@ -288,7 +286,7 @@ mod tests {
     type Runs = BTreeMap<u16, Vec<(Record, u16)>>;
 
     fn stacking(thickness: i32, slice_log2: u32) -> Stacking {
-        Stacking { thickness, slice_log2 }
+        Stacking { thickness, slice_log2, reach: 2 }
     }
 
     fn record(h: i64, class: u8, flags: u8) -> Record {
@@ -372,9 +370,10 @@ mod tests {
     }
 
     /// What is known of the columns around one, itself included.
-    fn around<T>(of: &BTreeMap<u16, T>, column: u16) -> impl Iterator<Item = &T> {
+    fn around<T>(of: &BTreeMap<u16, T>, column: u16, reach: u32) -> impl Iterator<Item = &T> {
         let [x, y] = column_at(column).map(|v| v as i32);
-        let places = (-2..=2).flat_map(move |dy| (-2..=2).map(move |dx| [x + dx, y + dy]));
+        let steps = -(reach as i32)..=reach as i32;
+        let places = steps.clone().flat_map(move |dy| steps.clone().map(move |dx| [x + dx, y + dy]));
         places.filter_map(|place| {
             let inside = place.iter().all(|v| (0..256).contains(v));
             inside.then(|| of.get(&column_index(place[0] as u32, place[1] as u32)))?
@@ -392,7 +391,7 @@ mod tests {
             let tells_nothing = |(record, _): &&(Record, u16)| {
                 !FLOATING.contains(&record.class()) && !SOLID.contains(&record.class())
             };
-            let least = around(&lowest, column).min().unwrap();
+            let least = around(&lowest, column, stacking.reach).min().unwrap();
             let over = |run: &&(Record, u16)| low(run) - least > i64::from(stacking.gap());
             let n_over = runs.iter().filter(tells_nothing).filter(over).count();
             let is_over = n_over > 0;
@@ -402,7 +401,8 @@ mod tests {
             *of = (of.0 + n, of.1 || n > 0);
             if is_over {
                 let [x, y] = column_at(column).map(|v| v as i32);
-                for (dx, dy) in (-2..=2).flat_map(|dx| (-2..=2).map(move |dy| (dx, dy))) {
+                let steps = -(stacking.reach as i32)..=stacking.reach as i32;
+                for (dx, dy) in steps.clone().flat_map(|dx| steps.clone().map(move |dy| (dx, dy))) {
                     let [x, y] = [x + dx, y + dy].map(|v| v.clamp(0, 255) as u32);
                     halves.entry(half(column_index(x, y))).or_default().1 = true;
                 }
@@ -650,7 +650,9 @@ mod tests {
                 let beneath = |lowest: &&Option<i64>| {
                     lowest.is_some_and(|lowest| lowest < low - i64::from(stacking.gap()))
                 };
-                let is_over_lower = || around(&lowest, column).filter(beneath).count() >= 3;
+                let is_over_lower = || {
+                    around(&lowest, column, stacking.reach).filter(beneath).count() > stacking.reach as usize
+                };
                 FLOATING.contains(&class) || !SOLID.contains(&class) && is_over_lower()
             };
             let is_solid = |run: &&(Record, u16)| !floats(run.0.class(), ends(stacking, **run)[1]);
@@ -696,9 +698,12 @@ mod tests {
     /// Slices, and points that suit them.
     fn stacked() -> impl Strategy<Value = (Stacking, Vec<Point>)> {
         let slices = prop::sample::select(vec![0, 3, 9, 16, 18, 29, 30]);
-        (slices, prop::sample::select(vec![1, 30, 5000, 1 << 30])).prop_flat_map(|(slice_log2, thickness)| {
-            (Just(stacking(thickness, slice_log2)), points(slice_log2, 1000))
-        })
+        (slices, prop::sample::select(vec![1, 30, 5000, 1 << 30]), 0u32..3).prop_flat_map(
+            |(slice_log2, thickness, reach)| {
+                let stacking = Stacking { reach, ..stacking(thickness, slice_log2) };
+                (Just(stacking), points(slice_log2, 1000))
+            },
+        )
     }
 
     proptest! {

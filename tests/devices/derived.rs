@@ -355,6 +355,39 @@ fn all_of_many_spans_float() {
     });
 }
 
+/// A roof whose class tells nothing stands on every level alike: it floats along its rim at most, under which the ground was seen.
+#[test]
+fn a_roof_that_is_not_classified_stands_on_every_level() {
+    common::run("derived::a_roof_that_is_not_classified_stands_on_every_level", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let grid = Grid { base_cell: 0.5, ..GRID };
+        let shown = Visibility { classes: ClassMask::all(), withheld: false, bridge: 0, near_ties: false };
+        let mut scene = Scene::new(&gpu, |o: Order| o, Access::Address, 100 << 20, shown, grid).unwrap();
+        // 45 m wide and 30 m high, from where no coarser cell begins.
+        let (roof, height) = (37..127u32, grid.height(30.0).unwrap());
+        for level in 0..5u8 {
+            let mut columns = Columns::new(Surface::Stacks, grid.stacking(level));
+            for (x, y) in (0..200u32).flat_map(|x| (0..200u32).map(move |y| (x, y))) {
+                let is_roof = roof.contains(&x) && roof.contains(&y);
+                let (height, class) = if is_roof { (height, 1) } else { (Height(0), 2) };
+                let attributes =
+                    Attributes { height, class, intensity: 9, rgb: [5; 3], returns: 0x11, flags: 0 };
+                columns.add(x >> level, y >> level, Record::pack(attributes));
+            }
+            let key = SectionKey { level, i: 0, j: 0 };
+            assert!(scene.upload(key, &columns.pack()).unwrap());
+            scene.settle().unwrap();
+            let (_, floating) = written(&mut scene, key, &shown);
+            let cell = grid.base_cell * f64::from(1 << level);
+            let (area, rim) = (f64::from(floating) * cell * cell, 4.0 * 45.0 * (cell + 1.0));
+            println!("level {level}: {area} of {} square metres float", 45.0 * 45.0);
+            assert!(area <= rim, "level {level}: {area} square metres float");
+            assert!(level > 2 || area > 0.0, "level {level}: nothing floats");
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
 /// With bridges over the borders, what has come, changed or gone changes what is derived of its neighbours, and that alone
 /// is derived again.
 #[test]
