@@ -1288,7 +1288,7 @@ fn other_classes_are_shown_in_stacks_and_smooth_surfaces() {
             }
             for (k, a) in pictures.iter().enumerate() {
                 for b in &pictures[k + 1..] {
-                    assert!(difference(a, b) > 4.0, "{}", difference(a, b));
+                    assert!(difference(a, b) > 1.0, "{}", difference(a, b));
                 }
             }
             // One choice upon the other, faster than they can be shown.

@@ -189,6 +189,35 @@ fn in_the_end_it_is_as_if_it_had_been_so_from_the_start() {
     });
 }
 
+/// One choice upon the other, and back before any was through: some sections are derived three times, some never.
+#[test]
+fn choices_that_follow_one_another_quickly_leave_nothing_behind() {
+    let test = "layers::choices_that_follow_one_another_quickly_leave_nothing_behind";
+    run_with(test, LAVAPIPE, &ALL, |setup, surface| {
+        let gpu = setup.gpu();
+        let (mut world, _folder, camera, sight) = open(&gpu, surface, BRIDGED(), USUAL);
+        let above = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), super::SIZE).unwrap();
+        let pictures = |world: &mut World| [&camera, &above].map(|camera| world.picture(camera));
+        let want = pictures(&mut world);
+        for ticks in 1..8 {
+            for classes in [&[2][..], &[3, 4, 5]] {
+                world.scene.switch_visibility(only(BRIDGED(), classes)).unwrap();
+                for _ in 0..ticks {
+                    tick(&mut world, &sight);
+                    world.scene.wait().unwrap();
+                }
+            }
+            world.scene.switch_visibility(BRIDGED()).unwrap();
+            finish(&mut world, &sight);
+            for (is, want) in pictures(&mut world).iter().zip(&want) {
+                let same = (&is.color, &is.distance, &is.class) == (&want.color, &want.distance, &want.class);
+                assert!(same, "{}, after {ticks} ticks each", surface.name());
+            }
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
 fn median(times: &[f64]) -> f64 {
     let mut times = times.to_vec();
     times.sort_by(f64::total_cmp);
