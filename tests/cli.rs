@@ -1433,6 +1433,41 @@ fn bench_streams_and_no_frame_waits() {
         // Each run begins with nothing.
         assert_eq!([samples("streaming", "ready")[0], samples("streaming", "ready")[6]], [0.0; 2]);
     }
+    assert_eq!(json["settings"]["surface"], "stacks", "as files are drawn");
+    let rows = json["layers"].as_array().unwrap();
+    assert_eq!(rows.iter().map(|row| row["data"].as_str().unwrap()).collect::<Vec<_>>(), ["las", "laz"]);
+    for row in rows {
+        assert_eq!((row["kind"].as_str(), row["section_bytes"].as_u64()), (Some("layers"), Some(0)));
+        let samples = |what: &str| -> Vec<f64> {
+            row[what]["samples"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
+        };
+        // To bare earth and back in each run.
+        for what in ["took_ms", "in_sight_ms", "sections", "parts"] {
+            assert_eq!(samples(what).len(), 4, "{what}");
+            assert!(samples(what).iter().all(|v| *v > 0.0), "{what}");
+        }
+        assert!(samples("took_ms").iter().zip(samples("in_sight_ms")).all(|(all, seen)| seen <= *all));
+        assert_eq!(samples("resting_ms").len(), 4 * 20);
+        assert!(samples("frame_ms").len() as f64 >= samples("parts").iter().sum());
+        assert_eq!(samples("ratios").len(), samples("frame_ms").len());
+    }
+}
+
+#[test]
+fn bench_streams_columns_and_smooth_surfaces_too() {
+    let folder = tempfile::tempdir().unwrap();
+    for surface in ["columns", "smooth"] {
+        let arguments = format!(
+            "bench --stream --frames 3 --runs 1 --paths slow --size 48x27 --points 60k --format las \
+             --surface {surface} --json a.json -q"
+        );
+        let ran = run(folder.path(), &words(arguments.split_whitespace()), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        let json = fs::read_to_string(folder.path().join("a.json")).unwrap();
+        let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+        assert_eq!((&json["settings"]["surface"], &json["stream"][0]["waits"]), (&surface.into(), &0.into()));
+        assert!(json["layers"][0]["took_ms"]["median"].as_f64().unwrap() > 0.0);
+    }
 }
 
 /// As `timeout` does: what was measured until then is told, in every form, and the code says that it is not all.
@@ -1511,6 +1546,7 @@ fn bench_names_wrong_arguments() {
         ("--ingest --plot a.svg", "no frames are measured"),
         ("--scaling --grid 16/1", "at least two levels"),
         ("--runs 2", "--stream"),
+        ("--surface stacks", "--surface: only --stream and --ingest take it"),
         ("--threads 2", "--threads: only --ingest and --load"),
         ("--ingest --threads 1,0", "'0' is not a number of threads"),
         ("--load --threads many", "'many' is not a number of threads"),

@@ -1240,6 +1240,71 @@ fn layers_are_shown_by_presets_and_classes_alone() {
     });
 }
 
+/// Other classes, section by section: all of what is then shown is as if the program had been begun so.
+#[test]
+fn other_classes_are_shown_in_stacks_and_smooth_surfaces() {
+    let test = "other_classes_are_shown_in_stacks_and_smooth_surfaces";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        for surface in ["stacks", "smooth"] {
+            let (folder, file) = town();
+            let file = file.to_str().unwrap();
+            let size = ["--size", "560x880", "--cell", "0.25", "--color", "class"];
+            let times = folder.path().join("times.json");
+            let named = ["--surface", surface, "--json", times.to_str().unwrap(), file];
+            let mut window = Window::open(&display, folder.path(), &[&size[..], &named].concat());
+            window.wait("first frame");
+            window.focus();
+            window.wait("settled");
+            let (mut pictures, mut took) = (Vec::new(), Vec::new());
+            for (preset, shown) in [("bare-earth", 5), ("vegetation", 3), ("building", 1), ("surface", 254)] {
+                window.click(&format!("preset {preset}"));
+                window.wait(&format!("classes shown {shown} "));
+                let (_, switched) = window.wait_all("switched in ");
+                let said = words(&switched);
+                let [all, in_sight, sections, parts] = [0, 4, 6, 9].map(|at| number(&said[at]));
+                println!("{surface}, {preset}: switched in {switched}");
+                assert!(all >= in_sight && sections >= parts && parts >= 1.0, "{switched}");
+                took.push(all);
+                window.wait("settled");
+                window.key("p");
+                window.wait("saved");
+                let saved = format!("lasray-{:04}.png", pictures.len() + 1);
+                pictures.push(rgb(&folder.path().join(saved)));
+            }
+            // The last as the program draws it that was begun so.
+            window.key("ctrl+s");
+            window.wait("notice View saved");
+            let view =
+                ["render", "--path", "lasray-view-0001.json", "-o", "drawn.png", "--samples", "16", "-q"];
+            assert_eq!(run(folder.path(), &view), (Some(0), String::new()));
+            let off = difference(&pictures[3], &rgb(&folder.path().join("drawn.png")));
+            assert!(off < 1.0, "{surface}: {off}");
+            for (k, a) in pictures.iter().enumerate() {
+                for b in &pictures[k + 1..] {
+                    assert!(difference(a, b) > 1.0, "{}", difference(a, b));
+                }
+            }
+            // One choice upon the other, faster than they can be shown.
+            for preset in ["bare-earth", "vegetation", "surface"] {
+                window.click(&format!("preset {preset}"));
+            }
+            window.wait("classes shown 254 ");
+            window.wait("settled");
+            window.key("p");
+            window.wait("saved");
+            let again = rgb(&folder.path().join("lasray-0005.png"));
+            assert!(difference(&pictures[3], &again) < 0.5, "{}", difference(&pictures[3], &again));
+            assert_eq!(window.end(), Some(0));
+            let told: serde_json::Value = serde_json::from_str(&fs::read_to_string(times).unwrap()).unwrap();
+            let told = told["switches_ms"].as_array().unwrap();
+            assert!(told.len() > took.len(), "{told:?}");
+            let is_as = |(ms, words): (&serde_json::Value, &f64)| (ms.as_f64().unwrap() - words).abs() <= 0.5;
+            assert!(told.iter().zip(&took).all(is_as), "{told:?}, {took:?}");
+        }
+    });
+}
+
 #[test]
 fn ramps_and_ranges_are_chosen_and_colours_offered_where_they_are() {
     let test = "ramps_and_ranges_are_chosen_and_colours_offered_where_they_are";

@@ -41,6 +41,8 @@ pub struct IngestOptions {
     pub runs: u32,
     /// Files to read; none: LAS and LAZ of formats 3 and 7, made: see [`Towns`].
     pub files: Vec<PathBuf>,
+    /// What the points of a column stand for.
+    pub surface: Surface,
     /// Side of a cell; `None`: chosen from the data.
     pub cell: Option<f64>,
     /// Numbers of threads.
@@ -60,6 +62,7 @@ impl Default for IngestOptions {
             quiet: true,
             runs: 5,
             files: Vec::new(),
+            surface: Surface::default(),
             cell: None,
             threads,
             cold: true,
@@ -174,9 +177,9 @@ impl Case {
     }
 
     /// Seconds from points to finished sections, and of all threads together in reads, decoding and binning.
-    fn ingest(&self, threads: u32) -> anyhow::Result<[f64; 4]> {
+    fn ingest(&self, surface: Surface, threads: u32) -> anyhow::Result<[f64; 4]> {
         let budget = Budget { host_bytes: u64::MAX, device_bytes: u64::MAX };
-        let bins = Bins::new(Surface::Columns, self.grid()?, load::core(self.cell, &self.bounds), budget);
+        let bins = Bins::new(surface, self.grid()?, load::core(self.cell, &self.bounds), budget);
         let progress = ReadProgress::default();
         let start = Instant::now();
         let errors = read_all(&self.input, &bins, threads as usize, &LayerMemory::default(), &progress);
@@ -246,7 +249,7 @@ fn measure(
                     before();
                     sum.decode_s += case.decode(threads, Decoder::default)?;
                     before();
-                    let [total, read, unpack, prepare] = case.ingest(threads)?;
+                    let [total, read, unpack, prepare] = case.ingest(options.surface, threads)?;
                     sum.total_s += total;
                     sum.read_s += read;
                     sum.unpack_s += unpack;

@@ -460,6 +460,43 @@ pub struct StreamRow {
     pub not_resident: u64,
 }
 
+/// Says `"kind": "layers"`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LayersKind {
+    /// Other classes are shown.
+    #[default]
+    Layers,
+}
+
+/// Other classes are shown while everything is there: all changes, one after the other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LayersRow {
+    /// Always the same.
+    #[serde(default)]
+    pub kind: LayersKind,
+    /// Name of the data.
+    pub data: String,
+    /// Pixels.
+    pub size: [u32; 2],
+    /// Until every section on the device showed them, ms.
+    pub took_ms: Stat,
+    /// Until those in sight did, ms.
+    pub in_sight_ms: Stat,
+    /// Sections that were derived again.
+    pub sections: Stat,
+    /// Parts that they were derived in, beside a frame each.
+    pub parts: Stat,
+    /// Frames before and after, ms by the host's clock.
+    pub resting_ms: Stat,
+    /// Frames meanwhile.
+    pub frame_ms: Stat,
+    /// Each of those over the median of the frames before, or of those after if that is larger.
+    pub ratios: Stat,
+    /// Bytes of sections copied to the device meanwhile.
+    pub section_bytes: u64,
+}
+
 /// A configuration that was not run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Skipped {
@@ -506,6 +543,9 @@ pub struct Report {
     /// Frames while files stream in.
     #[serde(default)]
     pub stream: Vec<StreamRow>,
+    /// Frames while other classes are shown.
+    #[serde(default)]
+    pub layers: Vec<LayersRow>,
     /// See [`Report::compare`].
     #[serde(default)]
     pub ratios: Vec<Ratios>,
@@ -529,6 +569,7 @@ impl Report {
             scaling: Vec::new(),
             peer: Vec::new(),
             stream: Vec::new(),
+            layers: Vec::new(),
             ratios: Vec::new(),
             stopped: false,
         }
@@ -628,6 +669,7 @@ impl Report {
             out.push('\n');
             stream_table(&mut out, &self.stream);
         }
+        self.layers.iter().for_each(|row| layers_lines(&mut out, row));
         for row in &self.peer {
             let [peer, pool] = row.mrays_s.map(number);
             let _ = writeln!(
@@ -917,6 +959,29 @@ fn stream_table(out: &mut String, rows: &[StreamRow]) {
     }
 }
 
+fn layers_lines(out: &mut String, row: &LayersRow) {
+    let LayersRow { data, took_ms, in_sight_ms, sections, parts, resting_ms, frame_ms, ratios, .. } = row;
+    let _ = writeln!(
+        out,
+        "other classes, {}: {} ms, {} in sight (medians of {}); {:.0} sections in {:.0} parts, {} copied",
+        cut(data, 17),
+        short(took_ms.median),
+        short(in_sight_ms.median),
+        took_ms.samples.len(),
+        sections.median,
+        parts.median,
+        bytes_text(row.section_bytes as f64)
+    );
+    let of = |stat: &Stat| [stat.median, stat.p95, stat.max].map(short).join(" ");
+    let _ = writeln!(
+        out,
+        "  frame ms meanwhile, median p95 max: {}; at rest {}; ratio {}",
+        of(frame_ms),
+        of(resting_ms),
+        of(ratios)
+    );
+}
+
 /// Two figures or three, never wider than 6.
 fn short(value: f64) -> String {
     match value {
@@ -1142,6 +1207,20 @@ pub(super) mod tests {
         report.stream[1].waits = 3;
         report.stream[1].ratio_p95 = Some(2.0);
         report.stream[2].ratio_p95 = None;
+        let stat = |samples: &[f64]| Stat::of(samples.to_vec()).unwrap();
+        report.layers.push(LayersRow {
+            kind: LayersKind::Layers,
+            data: "a long name".to_owned(),
+            size: [640, 360],
+            took_ms: stat(&[800.0, 840.0]),
+            in_sight_ms: stat(&[300.0; 2]),
+            sections: stat(&[41.0; 2]),
+            parts: stat(&[9.0; 2]),
+            resting_ms: stat(&[10.0; 8]),
+            frame_ms: stat(&[11.0, 12.0, 13.0, 14.0]),
+            ratios: stat(&[1.1, 1.2, 1.3, 1.4]),
+            section_bytes: 0,
+        });
         let table = report.table();
         println!("{table}");
         assert!(table.lines().all(|line| line.chars().count() <= 110));
@@ -1157,6 +1236,12 @@ pub(super) mod tests {
         );
         assert!(table.contains("frames that waited for streaming: 3 of 36\n"));
         assert!(table.contains("largest ratio of 95th percentiles: 2.00x"));
+        assert!(table.contains(
+            "other classes, a long name: 820 ms, 300 in sight (medians of 2); 41 sections in 9 parts, 0 B copied\n"
+        ));
+        assert!(table.contains(
+            "  frame ms meanwhile, median p95 max: 12.5 13.8 14.0; at rest 10.0 10.0 10.0; ratio 1.25 1.38 1.40\n"
+        ));
         let text = serde_json::to_string(&report).unwrap();
         assert!(text.contains("\"kind\":\"stream\""));
         assert_eq!(serde_json::from_str::<Report>(&text).unwrap(), report);

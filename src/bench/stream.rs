@@ -1,4 +1,5 @@
-//! Frames along camera paths while files stream in, beside the same frames with everything there.
+//! Frames along camera paths while files stream in, beside the same frames with everything there; and frames while other
+//! classes are shown, beside those before and after.
 //!
 //! A frame is what the window's is: residency ([`Live::tick`], which never waits), section table, passes of the
 //! picture; the next one begins when its picture is seen done. First it is flown with nothing there, worker threads
@@ -10,7 +11,7 @@
 //! there tell: a run in which they differ too much has no ratio.
 
 use super::failure::Stopped;
-use super::report::{Stat, StreamFrames, StreamKind, StreamRow};
+use super::report::{LayersKind, LayersRow, Stat, StreamFrames, StreamKind, StreamRow};
 use super::steady::{Repeats, WARM_MS};
 use super::times::ms;
 use crate::attribute::{ClassMask, ColorTable};
@@ -27,6 +28,7 @@ use crate::resident::cut::Sight;
 use crate::resident::live::Live;
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
+use crate::resident::switch::Switched;
 use crate::resident::table::Table;
 use crate::resident::visibility::Visibility;
 use crate::source::placement::Fit;
@@ -46,6 +48,10 @@ pub const MOST_RATIO: f64 = 1.5;
 /// Untimed work before each frame but the first, where the device's clock follows its load, ms by the host's clock: some
 /// frames' worth, so that the timed one finds the device as busy as the last one did.
 const KEEP_WARM_MS: f64 = 10.0;
+/// Frames before and after a change of the classes that are shown.
+const RESTING_FRAMES: usize = 10;
+/// What is shown in turn with everything: bare earth.
+const BARE_EARTH: [u8; 5] = [2, 9, 10, 11, 41];
 /// Crossings of the data that lie side by side on the fast path.
 const LANES: u32 = 5;
 
@@ -465,9 +471,111 @@ impl<'a> StreamCase<'a> {
     }
 }
 
+/// Frames around one change of the classes that are shown, ms.
+struct Change {
+    before: Vec<f64>,
+    during: Vec<f64>,
+    after: Vec<f64>,
+}
+
+impl Change {
+    /// Each frame meanwhile, of the slower of the usual ones before and after: other classes may be dearer to draw.
+    fn ratios(&self) -> Vec<f64> {
+        let usual =
+            [&self.before, &self.after].map(|frames| Stat::of(frames.clone()).map(|stat| stat.median));
+        let usual = usual.into_iter().flatten().fold(0.0, f64::max);
+        self.during.iter().map(|ms| ms / usual).collect()
+    }
+}
+
+impl StreamCase<'_> {
+    /// What it takes to show other classes with everything there, from the middle of `path`: bare earth and then all of them,
+    /// run after run; fewer runs, but one, once asked to stop.
+    pub fn switch(&mut self, path: &CameraPath, progress: &mut dyn FnMut(&str)) -> anyhow::Result<LayersRow> {
+        let cameras = self.cameras(path)?;
+        let camera = cameras[cameras.len() / 2];
+        progress(&format!("{}: other classes", self.name));
+        let mut live = self.start()?;
+        self.complete(&mut live, &camera)?;
+        live.pause(true);
+        self.scene.settle()?;
+        self.keep_warm(&live, &camera, WARM_MS)?;
+        let usual = self.scene.visibility();
+        let bare = Visibility { classes: ClassMask::only(&BARE_EARTH), ..usual };
+        let (mut changes, mut switched) = (Vec::new(), Vec::new());
+        let bytes = self.scene.counters().section_bytes;
+        for run in 0..self.options.runs {
+            for shown in [bare, usual] {
+                match self.change(&mut live, &camera, shown) {
+                    Ok((change, how)) => {
+                        changes.push(change);
+                        switched.push(how);
+                    }
+                    Err(error) if error.is::<Stopped>() && run > 0 => break,
+                    Err(error) => return Err(error),
+                }
+            }
+        }
+        let stat = |samples: Vec<f64>| Stat::of(samples).context("a change takes a frame");
+        let of = |frames: &dyn Fn(&Change) -> Vec<f64>| stat(changes.iter().flat_map(frames).collect());
+        let each = |of: fn(&Switched) -> f64| stat(switched.iter().map(of).collect());
+        Ok(LayersRow {
+            kind: LayersKind::Layers,
+            data: self.name.clone(),
+            size: self.options.size,
+            took_ms: each(|how| how.took.as_secs_f64() * 1e3)?,
+            in_sight_ms: each(|how| how.in_sight.as_secs_f64() * 1e3)?,
+            sections: each(|how| how.sections as f64)?,
+            parts: each(|how| how.parts as f64)?,
+            resting_ms: of(&|change| [&change.before[..], &change.after].concat())?,
+            frame_ms: of(&|change| change.during.clone())?,
+            ratios: of(&Change::ratios)?,
+            section_bytes: self.scene.counters().section_bytes - bytes,
+        })
+    }
+
+    /// Frames of `camera` while what is shown changes, and as many as are usual before and after.
+    fn change(
+        &mut self,
+        live: &mut Live,
+        camera: &Camera,
+        shown: Visibility,
+    ) -> anyhow::Result<(Change, Switched)> {
+        let [mut before, mut during, mut after] = [const { Vec::new() }; 3];
+        let frame = |case: &mut Self, live: &mut Live, frames: &mut Vec<f64>| {
+            case.keep_warm(live, camera, KEEP_WARM_MS)?;
+            frames.push(case.frame(live, camera)?.frame_ms);
+            anyhow::Ok(())
+        };
+        for _ in 0..RESTING_FRAMES {
+            frame(self, live, &mut before)?;
+        }
+        self.scene.set_frame_ms(Stat::of(before.clone()).context("there are some")?.median);
+        self.scene.switch_visibility(shown)?;
+        let switched = loop {
+            frame(self, live, &mut during)?;
+            if let Some(switched) = self.scene.take_switched() {
+                break switched;
+            }
+        };
+        for _ in 0..RESTING_FRAMES {
+            frame(self, live, &mut after)?;
+        }
+        Ok((Change { before, during, after }, switched))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn frames_meanwhile_are_compared_with_the_slower_ones_beside_them() {
+        let change =
+            Change { before: vec![9.0, 10.0, 12.0], during: vec![15.0, 10.0], after: vec![5.0, 8.0] };
+        assert_eq!(change.ratios(), [1.5, 1.0]);
+        assert_eq!(Change { after: vec![20.0], ..change }.ratios(), [0.75, 0.5]);
+    }
 
     #[test]
     fn the_fast_path_stays_over_the_data() {

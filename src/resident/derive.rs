@@ -494,6 +494,7 @@ impl Derive {
     pub fn run(
         &mut self,
         submitter: &mut Submitter,
+        work: Work,
         pool: &Pool,
         (visibility, column_data): (&Visibility, ColumnData),
         [own, all]: [&[Task]; 2],
@@ -525,14 +526,14 @@ impl Derive {
                 let passes: Vec<Pass> = passes.iter().filter(taken).copied().collect();
                 let names: Vec<_> = passes.iter().map(|pass| pass.declared().name).collect();
                 let commands = submitter.order.begin_build(&names.join(", "), &after)?;
-                let mut recording = submitter.submits.start(commands)?;
+                let mut recording = submitter.submits.start(work, commands)?;
                 for (k, &pass) in passes.iter().enumerate() {
                     if passes[..k].iter().any(|&earlier| pass.follows(earlier)) {
                         submitter.order.next_pass(&mut recording.commands);
                     }
                     self.record(submitter.order, &mut recording, &run, pass, tasks)?;
                 }
-                let point = submitter.submits.submit(submitter.order, Work::Build, recording)?;
+                let point = submitter.submits.submit(submitter.order, recording)?;
                 self.constants.extend(self.recorded.drain(..).map(|buffer| (point, buffer)));
                 built = Some(point);
             }

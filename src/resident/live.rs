@@ -8,8 +8,9 @@
 use super::cut::{Domain, Shown, Sight};
 use super::demand::Demand;
 use super::payloads::Payloads;
-use super::policy;
+use super::policy::{self, Wanted};
 use super::scene::Scene;
+use super::switch::SwitchOrder;
 use crate::attribute::KindCounts;
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
@@ -230,18 +231,29 @@ impl Live {
         }
         news |= self.upload(scene, sight, most_bytes)?;
         scene.advance()?;
-        let changed = moved || news || self.generation != Some(scene.generation());
+        let mut changed = moved || news || self.generation != Some(scene.generation());
         if changed {
-            self.generation = Some(scene.generation());
             self.show(scene);
         }
+        changed |= self.derive_next(scene)?;
+        self.generation = Some(scene.generation());
         self.request(scene);
         self.sample.is_there |= self.feed.is_sampled();
         // A correction that has come meanwhile takes something away that seems to be there.
         let failed = self.feed.failed().is_some();
         let is_settled = !self.changes.is_pending() && !self.feed.has_notices() && !failed;
-        let complete = self.sample.is_there && !self.is_missing_any(scene) && is_settled;
+        let is_outdated =
+            scene.is_switching() && self.demand.wanted().shown.iter().any(|&key| scene.is_outdated(key));
+        let complete = self.sample.is_there && !self.is_missing_any(scene) && is_settled && !is_outdated;
         Ok(Tick { changed, complete, stuck: self.stuck, failed })
+    }
+
+    /// Derives the next sections again where another mask is to be shown, those in sight first; gives whether anything of what is
+    /// shown is another.
+    fn derive_next(&self, scene: &mut Scene) -> Result<bool, GpuError> {
+        let Wanted { seen, ahead, shown } = self.demand.wanted();
+        let derived = scene.derive_next(|outdated| SwitchOrder::of([seen, ahead], shown, outdated))?;
+        Ok(derived.iter().any(|key| shown.contains(key)))
     }
 
     /// Takes what has arrived, as far as there is room; gives whether all of the sparse sample has.

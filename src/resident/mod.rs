@@ -12,6 +12,7 @@ pub mod pool;
 #[cfg(test)]
 pub(crate) mod readers;
 pub mod scene;
+pub mod switch;
 pub mod table;
 mod transfer;
 pub mod visibility;

@@ -3,10 +3,13 @@
 //! A payload's *version* is copied once, into slots of its own ([`Scene::upload`], [`Scene::try_upload`]); then its derived
 //! part is built (columns under the mask, bridges and pyramid); when the host has seen that reached, it is *published*:
 //! tables may name it. Each of these steps happens in a call of [`Scene::advance`]. Another mask derives again what is
-//! resident and copies nothing. [`Scene::evict`] evicts.
+//! resident and copies nothing: all at once ([`Scene::set_visibility`]), or some sections beside each frame
+//! ([`Scene::switch_visibility`]). Passes of a section are never cut by a frame: it shows what it did, or what it is to.
+//! [`Scene::evict`] evicts.
 
 use super::derive::{Changed, Derive, Task};
 use super::pool::{Access, Pool};
+use super::switch::{Switch, SwitchOrder, SwitchPace, Switched};
 use super::table::Entry;
 use super::transfer::{Slots, Ticket, Transfer};
 use super::visibility::{ColumnData, Visibility};
@@ -19,6 +22,7 @@ use crate::section::{HighestOf, Layout, Payload, PayloadKey, device_bytes};
 use crate::shared::passes::JUMP_QUARTERS;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Most height steps a cell by which the ends of a gap may differ and it still be a slope: the ends of a gap are up to five
 /// cells apart, and their rise must fit a signed number of 32 bits.
@@ -89,6 +93,15 @@ struct Version {
     layout: Layout,
     highest_of: HighestOf,
     state: State,
+    /// Under what its derived part is, once that is there.
+    shown: Visibility,
+}
+
+impl Version {
+    /// Whether there is a derived part.
+    fn is_derived(&self) -> bool {
+        !matches!(self.state, State::Copying(_))
+    }
 }
 
 /// A payload: the version that tables name, and the one on its way.
@@ -98,7 +111,18 @@ struct Resident {
     pending: Option<Version>,
 }
 
+/// Sections that are derived again, some beside each frame.
+struct Switching {
+    switch: Switch,
+    /// The end of the part that the device may not be done with, and its sections.
+    part: Option<(SyncPoint, usize)>,
+}
+
 impl Resident {
+    fn versions(&self) -> impl Iterator<Item = &Version> {
+        self.published.iter().chain(&self.pending)
+    }
+
     /// The copy of the version on its way, if not all of it has been submitted.
     fn unsubmitted(&self) -> Option<Ticket> {
         match &self.pending.as_ref()?.state {
@@ -145,6 +169,10 @@ pub struct Scene {
     defers_uploads: bool,
     /// A smooth surface is or was among what is here.
     smooth: bool,
+    pace: SwitchPace,
+    switching: Option<Switching>,
+    /// How the last change of the mask went, until it was asked for.
+    switched: Option<Switched>,
 }
 
 /// What transfers and derived passes are submitted with, beside them.
@@ -178,6 +206,9 @@ impl Scene {
             generation: 0,
             defers_uploads: false,
             smooth: false,
+            pace: SwitchPace::default(),
+            switching: None,
+            switched: None,
         })
     }
 
@@ -212,7 +243,10 @@ impl Scene {
             return Ok(false);
         };
         let (ticket, highest_of) = self.transfer.upload(submitter!(self), &slots, &layout, write)?;
-        self.add_version(key, Version { slots, layout, highest_of, state: State::Copying(ticket) });
+        self.add_version(
+            key,
+            Version { slots, layout, highest_of, state: State::Copying(ticket), shown: self.visibility },
+        );
         Ok(true)
     }
 
@@ -238,7 +272,8 @@ impl Scene {
             return Ok(Upload::Later);
         };
         let (highest_of, state) = (payload.highest_of.clone(), State::Copying(ticket));
-        self.add_version(key, Version { slots, layout, highest_of, state });
+        let shown = self.visibility;
+        self.add_version(key, Version { slots, layout, highest_of, state, shown });
         Ok(Upload::Started)
     }
 
@@ -288,7 +323,7 @@ impl Scene {
             .filter_map(|key| Some((key, self.sections.remove(&key)?)))
             .collect();
         let near = self.tasks(&self.changed_by(gone.keys().copied()), &BTreeSet::new());
-        self.derive([&[], &near], &[])?;
+        self.derive(Work::Build, [&[], &near], &[])?;
         for resident in gone.into_values() {
             if let Some(ticket) = resident.unsubmitted() {
                 // Its pieces may still be on their way into the slot.
@@ -339,21 +374,21 @@ impl Scene {
         let fresh: BTreeSet<_> = copied.into_iter().map(|(key, _)| key).collect();
         let own: Vec<_> = fresh.iter().filter_map(|&key| self.task_of_pending(key, &fresh)).collect();
         let all = self.tasks(&self.changed_by(fresh.iter().copied()), &fresh);
-        self.derive([&own, &all], &points)?;
+        self.derive(Work::Build, [&own, &all], &points)?;
         // What follows on this queue comes after it.
         let built = self.submits.last_build.expect("just submitted");
         for key in fresh {
             if let Some(version) = self.sections.get_mut(&key).and_then(|r| r.pending.as_mut()) {
-                version.state = State::Building(built);
+                (version.state, version.shown) = (State::Building(built), self.visibility);
             }
         }
         Ok(())
     }
 
     /// Submits derived passes: those of sections alone for the first tasks, the others for the second.
-    fn derive(&mut self, tasks: [&[Task]; 2], copied: &[SyncPoint]) -> Result<(), GpuError> {
+    fn derive(&mut self, work: Work, tasks: [&[Task]; 2], copied: &[SyncPoint]) -> Result<(), GpuError> {
         let shown = (&self.visibility, self.column_data);
-        let built = self.derive.run(submitter!(self), self.transfer.pool(), shown, tasks, copied)?;
+        let built = self.derive.run(submitter!(self), work, self.transfer.pool(), shown, tasks, copied)?;
         self.counters.builds += built;
         Ok(())
     }
@@ -382,9 +417,7 @@ impl Scene {
     /// One task for every built version of the sections that follow from a change, and for those of `fresh`, whose copies
     /// are there.
     fn tasks(&self, changed: &BTreeMap<PayloadKey, Changed>, fresh: &BTreeSet<PayloadKey>) -> Vec<Task> {
-        let is_built = |key: &PayloadKey, version: &Version| {
-            !matches!(version.state, State::Copying(_)) || fresh.contains(key)
-        };
+        let is_built = |key: &PayloadKey, version: &Version| version.is_derived() || fresh.contains(key);
         let mut tasks = Vec::new();
         for (key, &changed) in changed {
             let Some(resident) = self.sections.get(key) else { continue };
@@ -448,8 +481,7 @@ impl Scene {
     /// The task of the version of `key` that is on its way.
     fn task_of_pending(&self, key: PayloadKey, fresh: &BTreeSet<PayloadKey>) -> Option<Task> {
         let version = self.sections.get(&key)?.pending.as_ref()?;
-        let is_built =
-            |key: &PayloadKey, v: &Version| !matches!(v.state, State::Copying(_)) || fresh.contains(key);
+        let is_built = |key: &PayloadKey, v: &Version| v.is_derived() || fresh.contains(key);
         Some(self.task(key, version, Changed::ITSELF, &is_built))
     }
 
@@ -461,24 +493,31 @@ impl Scene {
         points.into_iter().try_for_each(|point| self.order.wait(point))
     }
 
-    /// Waits until every section is published.
+    /// Waits until every section is published, and shows what is to be seen.
     pub fn settle(&mut self) -> Result<(), GpuError> {
+        self.finish_switch()?;
         loop {
             self.advance()?;
             let next = self.sections.values().filter_map(|r| r.pending.as_ref()?.state.point());
             match next.max_by_key(|p| p.value()) {
                 Some(point) => self.order.wait(point)?,
                 None if self.transfer.is_in_pieces() => self.transfer.wait_for_ring(submitter!(self))?,
-                None => return Ok(()),
+                None => break,
             }
         }
+        if let Some(Switching { part: Some((point, _)), .. }) = self.switching {
+            self.order.wait(point)?;
+            self.derive_next(|_| SwitchOrder::default())?;
+        }
+        Ok(())
     }
 
     /// Shows other things: the derived parts of all resident sections are built again; nothing is copied.
     pub fn set_visibility(&mut self, visibility: Visibility) -> Result<(), GpuError> {
-        if visibility != self.visibility {
+        if visibility != self.visibility || self.switching.is_some() {
             self.visibility = visibility;
             self.generation += 1;
+            self.switching = None;
             self.derive_all()?;
         }
         Ok(())
@@ -496,7 +535,110 @@ impl Scene {
     fn derive_all(&mut self) -> Result<(), GpuError> {
         let all = self.sections.keys().map(|&key| (key, Changed::ITSELF)).collect();
         let all = self.tasks(&all, &BTreeSet::new());
-        self.derive([&all, &all], &[])
+        self.derive(Work::Build, [&all, &all], &[])?;
+        let visibility = self.visibility;
+        let versions =
+            self.sections.values_mut().flat_map(|of| of.published.iter_mut().chain(&mut of.pending));
+        versions.filter(|version| version.is_derived()).for_each(|version| version.shown = visibility);
+        Ok(())
+    }
+
+    /// Shows other points, the sections one after the other: [`Scene::derive_next`] derives some of them beside each frame; until
+    /// then a section shows what it did. Nothing is copied. Where more than classes and withheld points changes, all are
+    /// derived at once, as by [`Scene::set_visibility`].
+    pub fn switch_visibility(&mut self, visibility: Visibility) -> Result<(), GpuError> {
+        let Visibility { classes, withheld, .. } = visibility;
+        if (Visibility { classes, withheld, ..self.visibility }) != visibility {
+            return self.set_visibility(visibility);
+        }
+        if visibility != self.visibility {
+            self.visibility = visibility;
+            let part = self.switching.take().and_then(|switching| switching.part);
+            self.switching = Some(Switching { switch: Switch::new(Instant::now()), part });
+        }
+        Ok(())
+    }
+
+    /// Whether sections show, or may show, what was to be seen before.
+    pub fn is_switching(&self) -> bool {
+        self.switching.is_some()
+    }
+
+    /// Whether a section shows what was to be seen before.
+    pub fn is_outdated(&self, key: PayloadKey) -> bool {
+        let is_outdated = |version: &Version| version.is_derived() && version.shown != self.visibility;
+        self.switching.is_some() && self.sections.get(&key).is_some_and(|of| of.versions().any(is_outdated))
+    }
+
+    /// What a frame takes by itself, milliseconds: as much as it bears is derived again beside it.
+    pub fn set_frame_ms(&mut self, ms: f64) {
+        self.pace.set_frame_ms(ms);
+    }
+
+    /// Derives the next sections again after [`Scene::switch_visibility`], in the order that `order` gives those in that are left,
+    /// as many as a frame bears, once the device is done with those before. Never waits. Call it once a frame. Gives the
+    /// sections of which anything is derived: those, and the neighbours that follow from them.
+    pub fn derive_next(
+        &mut self,
+        order: impl FnOnce(Vec<PayloadKey>) -> SwitchOrder,
+    ) -> Result<Vec<PayloadKey>, GpuError> {
+        let Some(switching) = &mut self.switching else { return Ok(Vec::new()) };
+        if let Some((point, sections)) = switching.part {
+            if !self.order.reached(point)? {
+                return Ok(Vec::new());
+            }
+            switching.part = None;
+            if let Some(ms) = self.submits.take_again_ms(&mut self.order)? {
+                self.pace.learn(sections, ms);
+            }
+        }
+        let left = order(self.sections.keys().copied().filter(|&key| self.is_outdated(key)).collect());
+        let switching = self.switching.as_mut().expect("as before");
+        switching.switch.done(left.in_sight, Instant::now());
+        if left.keys.is_empty() {
+            self.switched = self.switching.take().map(|switching| switching.switch.end(Instant::now()));
+            return Ok(Vec::new());
+        }
+        let next = &left.keys[..self.pace.sections().min(left.keys.len())];
+        let own = next.iter().map(|&key| (key, Changed::ITSELF)).collect();
+        let own = self.tasks(&own, &BTreeSet::new());
+        let changed = self.changed_by(next.iter().copied());
+        let all = self.tasks(&changed, &BTreeSet::new());
+        self.derive(Work::Again, [&own, &all], &[])?;
+        // Tables say how high sections are.
+        self.generation += 1;
+        for key in next {
+            let of = self.sections.get_mut(key).expect("just derived");
+            for version in of.published.iter_mut().chain(&mut of.pending).filter(|v| v.is_derived()) {
+                version.shown = self.visibility;
+            }
+        }
+        let switching = self.switching.as_mut().expect("as before");
+        switching.switch.submitted(next.len());
+        switching.part = self.submits.last_build.map(|point| (point, next.len()));
+        let near = changed.into_keys().filter(|key| self.sections.contains_key(key));
+        Ok(next.iter().copied().chain(near).collect())
+    }
+
+    /// Derives at once what is left after [`Scene::switch_visibility`].
+    pub fn finish_switch(&mut self) -> Result<(), GpuError> {
+        if self.switching.is_none() {
+            return Ok(());
+        }
+        self.generation += 1;
+        self.derive_all()?;
+        let (sections, built) = (self.sections.len(), self.submits.last_build);
+        if let Some(Switching { switch, part }) = &mut self.switching {
+            switch.submitted(sections);
+            // What a section takes beside frames is not learned from it.
+            *part = built.map(|point| (point, 0));
+        }
+        Ok(())
+    }
+
+    /// How the last change of the mask went, once: by [`Scene::switch_visibility`], all of it.
+    pub fn take_switched(&mut self) -> Option<Switched> {
+        self.switched.take()
     }
 
     /// Reads a published section back. For tests; waits.
@@ -526,7 +668,7 @@ impl Scene {
     /// The highest thing that is shown of a published section.
     fn highest(&self, key: PayloadKey) -> Option<Height> {
         let version = self.sections.get(&key)?.published.as_ref()?;
-        let shown = version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
+        let shown = version.highest_of.iter().filter(|(c, w, _)| version.shown.shows(*c, *w));
         shown.map(|(_, _, h)| *h).max()
     }
 
@@ -599,15 +741,14 @@ impl Scene {
         self.sections.get(&key.into()).is_some_and(|resident| resident.pending.is_some())
     }
 
-    /// Whether versions are on their way.
+    /// Whether versions are on their way, or sections are derived again.
     pub fn is_busy(&self) -> bool {
-        self.sections.values().any(|resident| resident.pending.is_some())
+        self.switching.is_some() || self.sections.values().any(|resident| resident.pending.is_some())
     }
 
     /// Bytes of the pool that a section takes.
     pub fn bytes_of(&self, key: impl Into<PayloadKey>) -> u64 {
-        let versions =
-            self.sections.get(&key.into()).into_iter().flat_map(|r| r.published.iter().chain(&r.pending));
+        let versions = self.sections.get(&key.into()).into_iter().flat_map(Resident::versions);
         versions.map(|version| device_bytes(&version.layout)).sum()
     }
 

@@ -305,7 +305,7 @@ impl Transfer {
                         .extend(submitter.submits.last_build.into_iter().chain(submitter.submits.last_frame));
                 }
                 let commands = submitter.order.begin_copy("uploads", &after)?;
-                submitter.submits.start(commands)?
+                submitter.submits.start(Work::Copy, commands)?
             }
         };
         let range = BufferCopy { from, to: at, size: len };
@@ -317,7 +317,7 @@ impl Transfer {
     /// Submits the copies recorded so far.
     pub fn flush(&mut self, submitter: &mut Submitter) -> Result<(), GpuError> {
         let Some(recording) = self.batch.take() else { return Ok(()) };
-        let point = submitter.submits.submit(submitter.order, Work::Copy, recording)?;
+        let point = submitter.submits.submit(submitter.order, recording)?;
         self.ring.seal(point);
         self.ending.drain(..).for_each(|ticket| ticket.end_at(point));
         Ok(())

@@ -9,10 +9,13 @@ pub enum Work {
     Copy,
     /// Derived passes.
     Build,
+    /// Derived passes of sections that are shown under another mask.
+    Again,
 }
 
 /// Work that is being recorded, and the timestamps around it where it is measured.
 pub struct Recording {
+    work: Work,
     /// The work itself.
     pub commands: Commands,
     timestamps: Option<Timestamps>,
@@ -21,14 +24,20 @@ pub struct Recording {
 /// Submits that are measured, and timestamps that wait to be used again.
 #[derive(Default)]
 struct Clock {
+    /// Every submit is; else those alone that derive sections again.
+    measures_all: bool,
     idle: Vec<(QueueKind, Timestamps)>,
     running: Vec<(Work, QueueKind, SyncPoint, Timestamps)>,
+    /// What was measured of all and not asked for yet, nanoseconds.
+    times: Vec<(Work, f64)>,
+    /// And of those that derive again.
+    again_ns: f64,
 }
 
 /// Every submit for sections: `start`, record, `submit`.
 pub struct Submits {
     gpu: Gpu,
-    clock: Option<Clock>,
+    clock: Clock,
     /// The last copy into slots.
     pub last_copy: Option<SyncPoint>,
     /// The last derived passes: they write to published slots, too, and read those of neighbours.
@@ -48,17 +57,26 @@ pub struct Submitter<'a> {
 impl Submits {
     /// None yet.
     pub fn new(gpu: &Gpu) -> Submits {
-        Submits { gpu: gpu.clone(), clock: None, last_copy: None, last_build: None, last_frame: None }
+        Submits {
+            gpu: gpu.clone(),
+            clock: Clock::default(),
+            last_copy: None,
+            last_build: None,
+            last_frame: None,
+        }
     }
 
     /// Measures every submit from now on.
     pub fn measure(&mut self) {
-        self.clock.get_or_insert_default();
+        self.clock.measures_all = true;
     }
 
-    /// Begins to measure what is recorded from here on, if submits are measured.
-    pub fn start(&mut self, mut commands: Commands) -> Result<Recording, GpuError> {
-        let Some(clock) = &mut self.clock else { return Ok(Recording { commands, timestamps: None }) };
+    /// Begins to measure what is recorded from here on, where `work` is measured.
+    pub fn start(&mut self, work: Work, mut commands: Commands) -> Result<Recording, GpuError> {
+        let clock = &mut self.clock;
+        if !clock.measures_all && work != Work::Again {
+            return Ok(Recording { work, commands, timestamps: None });
+        }
         let queue = commands.queue();
         let idle = clock.idle.iter().position(|(of, _)| *of == queue).map(|at| clock.idle.swap_remove(at).1);
         let mut timestamps = match idle {
@@ -66,17 +84,12 @@ impl Submits {
             None => Timestamps::new(&self.gpu, "sections", queue, 1)?,
         };
         timestamps.iter_mut().for_each(|t| t.begin(&mut commands));
-        Ok(Recording { commands, timestamps })
+        Ok(Recording { work, commands, timestamps })
     }
 
     /// Submits what was recorded.
-    pub fn submit(
-        &mut self,
-        order: &mut Order,
-        work: Work,
-        recording: Recording,
-    ) -> Result<SyncPoint, GpuError> {
-        let Recording { mut commands, timestamps } = recording;
+    pub fn submit(&mut self, order: &mut Order, recording: Recording) -> Result<SyncPoint, GpuError> {
+        let Recording { work, mut commands, timestamps } = recording;
         let queue = commands.queue();
         let timestamps = timestamps.map(|mut timestamps| {
             timestamps.end(&mut commands, "all");
@@ -85,27 +98,45 @@ impl Submits {
         let point = order.submit(commands)?;
         match work {
             Work::Copy => self.last_copy = Some(point),
-            Work::Build => self.last_build = Some(point),
+            Work::Build | Work::Again => self.last_build = Some(point),
         }
-        if let (Some(clock), Some(timestamps)) = (&mut self.clock, timestamps) {
-            clock.running.push((work, queue, point, timestamps));
-        }
+        self.clock.running.extend(timestamps.map(|timestamps| (work, queue, point, timestamps)));
         Ok(point)
     }
 
     /// Device times of the work that is done and was not asked for yet, nanoseconds; empty on a device that cannot tell.
     pub fn take_times(&mut self, order: &mut Order) -> Result<Vec<(Work, f64)>, GpuError> {
-        let Some(clock) = &mut self.clock else { return Ok(Vec::new()) };
-        let (mut times, mut still) = (Vec::new(), Vec::new());
+        self.resolve(order)?;
+        Ok(std::mem::take(&mut self.clock.times))
+    }
+
+    /// Device time of the sections that were derived again since the last time, milliseconds; `None` on a device that cannot
+    /// tell.
+    pub fn take_again_ms(&mut self, order: &mut Order) -> Result<Option<f64>, GpuError> {
+        self.resolve(order)?;
+        let ns = std::mem::take(&mut self.clock.again_ns);
+        Ok((ns > 0.0).then_some(ns / 1e6))
+    }
+
+    fn resolve(&mut self, order: &mut Order) -> Result<(), GpuError> {
+        let clock = &mut self.clock;
+        let mut still = Vec::new();
         for (work, queue, point, mut timestamps) in clock.running.drain(..) {
-            if order.reached(point)? {
-                times.extend(timestamps.resolve(order, point)?.into_iter().map(|(_, ns)| (work, ns)));
-                clock.idle.push((queue, timestamps));
-            } else {
+            if !order.reached(point)? {
                 still.push((work, queue, point, timestamps));
+                continue;
             }
+            for (_, ns) in timestamps.resolve(order, point)? {
+                if work == Work::Again {
+                    clock.again_ns += ns;
+                }
+                if clock.measures_all {
+                    clock.times.push((work, ns));
+                }
+            }
+            clock.idle.push((queue, timestamps));
         }
         clock.running = still;
-        Ok(times)
+        Ok(())
     }
 }

@@ -128,6 +128,8 @@ impl Viewer {
             self.notify("A picture is being saved");
         } else {
             let path = save::next_free(Path::new("."), "lasray", &["png", "pgw", "prj"]);
+            // All of it shows the same classes.
+            self.data.scene_mut().finish_switch()?;
             let seen = (&self.settings, &self.navigation.camera);
             self.saving = Saving::begin(&mut self.data, &mut self.canvas, seen, path)?.map(Box::new);
         }

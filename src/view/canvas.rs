@@ -208,6 +208,11 @@ impl Canvas {
         if self.is_urgent { self.pace.upload_bytes(self.area.size, most) } else { most }
     }
 
+    /// Milliseconds that the next frame of something that changes takes on the device.
+    pub fn frame_ms(&self) -> f64 {
+        self.pace.ms(self.pace.coarse(self.area.size))
+    }
+
     /// Rows of an image of full width that a frame may trace.
     pub fn rows(&self) -> u32 {
         self.pace.rows(self.area.size[0])

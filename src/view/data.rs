@@ -214,6 +214,8 @@ pub struct DataStatus {
     pub frames_waited: u64,
     /// Whether everything that is to be read has been.
     pub is_complete: bool,
+    /// Sections that are in sight, or others, still show the classes that were shown before.
+    pub is_switching: bool,
     /// Why there is nothing to see.
     pub failed: Option<String>,
     /// Why nothing is seen of what there is: every point is hidden, and what shows them.
@@ -1015,6 +1017,7 @@ impl Data {
             bytes_read: progress.bytes_read,
             frames_waited: self.scene().counters().waits,
             is_complete: self.is_complete(),
+            is_switching: self.scene().is_switching(),
             failed: self.failed.clone(),
             hidden: self.why_hidden(),
         }

@@ -5,6 +5,7 @@ use super::pick;
 use super::viewer::Viewer;
 use crate::limits::LIMITS;
 use crate::render::frame::Shade;
+use crate::resident::switch::Switched;
 use std::time::Instant;
 
 impl Viewer {
@@ -71,6 +72,8 @@ impl Viewer {
 
     /// Takes what was read, and has some of it uploaded.
     pub(super) fn take_data(&mut self) -> anyhow::Result<()> {
+        let frame_ms = self.canvas.frame_ms();
+        self.data.scene_mut().set_frame_ms(frame_ms);
         let tick = self.data.tick(
             &self.gpu,
             &self.navigation.camera,
@@ -83,6 +86,14 @@ impl Viewer {
             self.redraw.outdate();
         }
         self.redraw.uploads(tick.is_busy);
+        if let Some(switched) = self.data.scene_mut().take_switched() {
+            let Switched { took, in_sight, sections, parts } = switched;
+            let [took, in_sight] = [took, in_sight].map(|time| time.as_secs_f64() * 1e3);
+            self.timing.switched(took);
+            self.log.line(format_args!(
+                "switched in {took:.0} ms, in sight {in_sight:.0} ms, {sections} sections in {parts} parts"
+            ));
+        }
         for words in self.data.take_notices() {
             self.notify(words);
         }

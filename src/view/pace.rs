@@ -30,6 +30,11 @@ impl Pace {
         }
     }
 
+    /// Milliseconds that an image takes.
+    pub fn ms(&self, [width, height]: [u32; 2]) -> f64 {
+        self.ms_per_pixel * f64::from(width) * f64::from(height)
+    }
+
     /// Share of the width and height of an image of `full` pixels that is traced while things move.
     fn share(&self, full: [u32; 2]) -> f64 {
         let pixels = f64::from(full[0]) * f64::from(full[1]);
@@ -116,6 +121,7 @@ mod tests {
         }
         // A quarter of the pixels takes a quarter of the time.
         assert_eq!(pace.coarse(full), [500, 400]);
+        assert!((pace.ms([500, 400]) - 50.0).abs() < 0.1);
         assert_eq!(pace.rows(1000), 200);
         for _ in 0..50 {
             pace.learn(1000, 1e6);

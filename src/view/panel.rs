@@ -53,6 +53,8 @@ pub struct StageTimes {
     pub trace: History,
     /// Taking what has arrived.
     pub upload: History,
+    /// Until all that is on the device showed the classes that were chosen last, milliseconds.
+    pub switched: Option<f64>,
 }
 
 /// What the panel shows.
@@ -306,6 +308,9 @@ impl Panel {
             plot(ui, "trace", &content.times.trace);
             plot(ui, "upload", &content.times.upload);
             pair(ui, "read", bytes(content.status.bytes_read));
+            if let Some(ms) = content.times.switched {
+                pair(ui, "classes changed in", format!("{ms:.0} ms"));
+            }
         });
         if !content.status.messages.is_empty() {
             let name = format!("Messages ({})", content.status.messages.len());

@@ -18,6 +18,8 @@ pub enum State {
     Reading(f64),
     /// Everything needed is read, but not all of it is there to be drawn.
     Loading,
+    /// Other classes are shown, section by section.
+    Switching,
     /// All is there, and every point is hidden; [`DataStatus::hidden`] says why.
     AllHidden,
     /// All is there, and none of it is in sight.
@@ -36,6 +38,7 @@ impl State {
             _ if files == 0 => State::NoFiles,
             _ if shown == 0 => State::NoFileShown,
             _ if !status.is_complete && status.share_read < 1.0 => State::Reading(status.share_read),
+            _ if !status.is_complete && status.is_switching => State::Switching,
             _ if !status.is_complete => State::Loading,
             _ if status.hidden.is_some() => State::AllHidden,
             _ if is_empty => State::OutOfSight,
@@ -53,6 +56,7 @@ impl State {
             // Not 100 % before it is.
             State::Reading(share) => format!("reading {:.0} %", (share * 100.0).floor()),
             State::Loading => "loading".to_owned(),
+            State::Switching => "changing classes".to_owned(),
             State::AllHidden => "every point is hidden".to_owned(),
             State::OutOfSight => "nothing in sight".to_owned(),
             State::Shown => match refining {
@@ -67,7 +71,7 @@ impl State {
     pub fn over_image(self, status: &DataStatus) -> Option<(String, Option<f64>)> {
         let words = |words: &str| Some((words.to_owned(), None));
         match self {
-            State::Failed | State::Shown => None,
+            State::Failed | State::Shown | State::Switching => None,
             State::AllHidden if status.kinds.of.keys().any(|(_, withheld)| *withheld) => {
                 words("Every point is hidden: check classes, or “Withheld points”")
             }
@@ -140,6 +144,11 @@ mod tests {
                 status([0, 3], false, false, 0.5),
                 "no file is shown",
                 Some("No file is shown: check one in the list of files"),
+            ),
+            (
+                DataStatus { is_switching: true, ..status([1, 1], false, false, 1.0) },
+                "changing classes",
+                None,
             ),
             // More files are opened beside those that are there.
             (status([1, 1], true, false, 1.0), "loading", Some("Loading …")),

@@ -18,6 +18,8 @@ struct WindowReport<'a> {
     frames: TimesSummary,
     /// Frames that stood still for the sake of a section.
     waited_for_section: u64,
+    /// Of changes of the classes that are shown: until all of what is on the device showed them.
+    switches_ms: &'a [f64],
     /// Of a path.
     laps: &'a [LapReport],
 }
@@ -92,6 +94,8 @@ pub struct Statistics {
     pub longest_gap: Option<f64>,
     /// Milliseconds from a frame to the next.
     pub frames: Vec<f64>,
+    /// Milliseconds until other classes were shown.
+    pub switches: Vec<f64>,
     lap: Vec<Flown>,
     laps: Vec<LapReport>,
     /// Waits before the lap.
@@ -128,6 +132,7 @@ impl Statistics {
             longest_gap_ms: self.longest_gap,
             frames: TimesSummary::of(&self.frames),
             waited_for_section: waited,
+            switches_ms: &self.switches,
             laps: &self.laps,
         };
         Ok(serde_json::to_string_pretty(&Signed::new(report))? + "\n")

@@ -69,6 +69,12 @@ impl FrameTiming {
         self.last_frame = None;
     }
 
+    /// Another choice of classes was shown after so many milliseconds.
+    pub fn switched(&mut self, ms: f64) {
+        self.times.switched = Some(ms);
+        self.statistics.switches.push(ms);
+    }
+
     /// Notes a frame.
     pub fn note(&mut self, frame: &ShownFrame, log: &EventLog) {
         let upload_ms = std::mem::take(&mut self.upload_ms);

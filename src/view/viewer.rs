@@ -190,7 +190,7 @@ impl Viewer {
         if self.data.scene().visibility() != visibility {
             let shown: Vec<_> = (0..=255u8).filter(|&c| visibility.classes.shows(c)).collect();
             self.log.line(format_args!("classes shown {} bridge {}", shown.len(), visibility.bridge));
-            self.data.scene_mut().set_visibility(visibility)?;
+            self.data.scene_mut().switch_visibility(visibility)?;
             self.redraw.outdate();
         }
         if self.canvas.apply_colors(&self.data, &self.settings)? {

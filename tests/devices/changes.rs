@@ -1,7 +1,7 @@
 //! Files that change, vanish and come back while they are seen.
 
 use super::SIZE;
-use super::common::{self, LAVAPIPE};
+use super::common::LAVAPIPE;
 use super::live::{self, PLENTY, World, tiles};
 use super::scene::{self, BRIDGED};
 use lasray::attribute::{ColorMode, ColorTable};
@@ -12,7 +12,6 @@ use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
-use lasray::resident::pool::Access;
 use lasray::section::Surface;
 use lasray::source::LidarFile;
 use lasray::source::learned::Cache;
@@ -31,14 +30,14 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    pub fn open(gpu: Gpu, paths: &[PathBuf], camera: Camera) -> Seen {
-        Seen::with(gpu, paths, camera, None)
+    pub fn open(gpu: Gpu, surface: Surface, paths: &[PathBuf], camera: Camera) -> Seen {
+        Seen::with(gpu, surface, paths, camera, None)
     }
 
     /// Knowing what is kept there.
-    pub fn with(gpu: Gpu, paths: &[PathBuf], camera: Camera, cache: Option<Cache>) -> Seen {
+    pub fn with(gpu: Gpu, surface: Surface, paths: &[PathBuf], camera: Camera, cache: Option<Cache>) -> Seen {
         let options = view::data::ReadOptions {
-            surface: Surface::Columns,
+            surface,
             cell: Some(0.25.into()),
             placement: PlacementOptions::default(),
             rgb_bits: None,
@@ -97,7 +96,7 @@ impl Seen {
 
 #[test]
 fn files_that_change_are_seen_as_they_are() {
-    common::run("changes::files_that_change_are_seen_as_they_are", LAVAPIPE, |setup| {
+    live::run("changes::files_that_change_are_seen_as_they_are", LAVAPIPE, |setup, surface| {
         let folder = tempfile::tempdir().unwrap();
         let mut paths = tiles(folder.path());
         paths.extend((0..2).map(|k| {
@@ -105,7 +104,7 @@ fn files_that_change_are_seen_as_they_are() {
         }));
         let all = super::town().bounds;
         let camera = Camera::orbit(all.center(), [20.0, 50.0], 500.0, Projection::default()).unwrap();
-        let mut seen = Seen::open(setup.gpu(), &paths, camera);
+        let mut seen = Seen::open(setup.gpu(), surface, &paths, camera);
         seen.until(|_| true);
         let whole = seen.picture();
         // In the place of the first, less; the second is gone.
@@ -121,7 +120,7 @@ fn files_that_change_are_seen_as_they_are() {
         let changed = seen.picture();
         assert!(changed != whole);
         let others = [&paths[..1], &paths[2..]].concat();
-        let mut fresh = Seen::open(setup.gpu(), &others, camera);
+        let mut fresh = Seen::open(setup.gpu(), surface, &others, camera);
         fresh.until(|_| true);
         assert_eq!(scene::pixels_that_differ(&changed, &fresh.picture()), 0);
         // And back again.
@@ -142,13 +141,14 @@ fn files_that_change_are_seen_as_they_are() {
 
 #[test]
 fn a_file_may_change_while_it_is_being_read() {
-    common::run("changes::a_file_may_change_while_it_is_being_read", LAVAPIPE, |setup| {
+    live::run("changes::a_file_may_change_while_it_is_being_read", LAVAPIPE, |setup, surface| {
         let folder = tempfile::tempdir().unwrap();
         let town = |name: &str, west: f64, side: f64| scene::town(folder.path(), name, [west, -60.0], side);
         let paths = [town("a.las", -120.0, 60.0), town("b.las", 0.0, 60.0), town("c.laz", 60.0, 100.0)];
-        let open = |paths: &[PathBuf]| load::open(paths, &live::options(), &mut Problems::default()).unwrap();
+        let open =
+            |paths: &[PathBuf]| load::open(paths, &live::options(surface), &mut Problems::default()).unwrap();
         let gpu = setup.gpu();
-        let mut world = World::of(&gpu, open(&paths[..2]), PLENTY, Access::Address, BRIDGED());
+        let mut world = World::of(&gpu, surface, open(&paths[..2]), PLENTY, BRIDGED());
         let camera =
             Camera::orbit(world.bounds.center(), [20.0, 50.0], 300.0, Projection::default()).unwrap();
         let sight = world.sight(&camera, 1.0);
@@ -181,7 +181,7 @@ fn with(path: &PathBuf, name: &str, old: &[u8], new: &[u8]) -> PathBuf {
 
 #[test]
 fn files_that_are_dropped_come_to_those_that_are_there() {
-    common::run("changes::files_that_are_dropped_come_to_those_that_are_there", LAVAPIPE, |setup| {
+    live::run("changes::files_that_are_dropped_come_to_those_that_are_there", LAVAPIPE, |setup, surface| {
         let folder = tempfile::tempdir().unwrap();
         let town = |name: &str, west: f64| scene::town(folder.path(), name, [west, -60.0], 60.0);
         let (first, second, third) = (town("a.las", -60.0), town("b.las", 0.0), town("c.las", 60.0));
@@ -191,11 +191,12 @@ fn files_that_are_dropped_come_to_those_that_are_there() {
         let other = with(&third, "other.las", b"6378137", b"6377397");
         let all = super::town().bounds;
         let camera = Camera::orbit(all.center(), [20.0, 50.0], 300.0, Projection::default()).unwrap();
-        let mut together = Seen::open(setup.gpu(), &[first.clone(), unnamed.clone(), third.clone()], camera);
+        let mut together =
+            Seen::open(setup.gpu(), surface, &[first.clone(), unnamed.clone(), third.clone()], camera);
         together.until(|_| true);
 
         // One is dropped before the first is open, one later.
-        let mut seen = Seen::open(setup.gpu(), std::slice::from_ref(&first), camera);
+        let mut seen = Seen::open(setup.gpu(), surface, std::slice::from_ref(&first), camera);
         seen.data.add(vec![unnamed.clone().into()]);
         seen.until(|data| data.about().unwrap().files.len() == 2);
         let [said] = &seen.data.take_notices()[..] else { panic!("once, and of the one that was dropped") };

@@ -6,6 +6,7 @@ use super::scene::{self, real_files};
 use glam::DVec3;
 use lasray::attribute::KindCounts;
 use lasray::render::camera::{Camera, Projection};
+use lasray::section::Surface;
 use lasray::source::learned::Cache;
 use lasray::source::placement::Placement;
 use std::collections::BTreeMap;
@@ -51,7 +52,7 @@ fn classes_are_counted_as_they_are_read() {
         let middle = DVec3::new(511_900.0, 5_403_000.0, 200.0);
         let camera = above(middle, 900.0);
         let paths: Vec<PathBuf> = vec![large.clone(), small.clone()];
-        let mut seen = Seen::open(setup.gpu(), &paths, camera);
+        let mut seen = Seen::open(setup.gpu(), Surface::Stacks, &paths, camera);
         let all = counted(&[&large, &small]);
         assert_eq!(all.of_class(RARE), [12, 0]);
         // Before all of it is read.
@@ -113,7 +114,7 @@ fn what_is_not_read_stays_an_estimate() {
         let place = DVec3::new(511_065.0, 5_402_965.0, 210.0);
         // Close over the first; how coarse the others are seen needs all of their points, unless they are out of sight.
         let camera = Camera::orbit(place, [0.0, 89.0], 40.0, Projection::default()).unwrap();
-        let mut seen = Seen::open(setup.gpu(), &paths, camera);
+        let mut seen = Seen::open(setup.gpu(), Surface::Stacks, &paths, camera);
         seen.until(|_| true);
         let status = seen.data.status();
         println!("{} of {} points, {:?}", status.points_read, status.points, status.kinds);
@@ -138,7 +139,9 @@ fn what_was_counted_is_known_when_it_is_opened_again() {
         let camera = above(DVec3::new(511_900.0, 5_403_000.0, 200.0), 900.0);
         let all = counted(&[&path]);
         let gpu = setup.gpu();
-        let open = || Seen::with(setup.gpu(), std::slice::from_ref(&path), camera, Some(cache.clone()));
+        let open = || {
+            Seen::with(setup.gpu(), Surface::Stacks, std::slice::from_ref(&path), camera, Some(cache.clone()))
+        };
         let at_first = |seen: &mut Seen| {
             while seen.data.status().kinds.of.is_empty() {
                 seen.tick();
@@ -180,7 +183,8 @@ fn classes_of_real_files_are_as_a_scan_counts_them() {
             let about = lasray::sample::open_all(std::slice::from_ref(&path)).pop().unwrap().unwrap();
             let header = &about.file.header;
             let middle = (header.min + header.max) / 2.0;
-            let mut seen = Seen::open(setup.gpu(), std::slice::from_ref(&path), above(middle, 2000.0));
+            let mut seen =
+                Seen::open(setup.gpu(), Surface::Stacks, std::slice::from_ref(&path), above(middle, 2000.0));
             seen.until(|data| data.status().points_read == data.status().points);
             let (is, all) = (seen.data.status().kinds, counted(&[&path]));
             println!("{name}: {is:?}");

@@ -1,8 +1,8 @@
 //! What goes wrong while data is read, and what changes under it: the rest goes on, and nothing more than it must is read.
 
 use super::SIZE;
-use super::common::{self, LAVAPIPE, Setup};
-use super::live::{Means, PLENTY, World, all_sections, options, tiles};
+use super::common::{LAVAPIPE, Setup};
+use super::live::{self, Means, PLENTY, World, all_sections, options, tiles};
 use super::scene::{self, BRIDGED};
 use lasray::coords::SectionKey;
 use lasray::ingest::builds::{Cells, cells_of};
@@ -11,7 +11,6 @@ use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::resident::cut::Sight;
 use lasray::resident::live::Live;
-use lasray::resident::pool::Access;
 use lasray::section::{PayloadKey, Surface};
 use lasray::source::LidarFile;
 use std::fs;
@@ -33,7 +32,7 @@ fn cells(world: &World, path: &Path) -> Cells {
 
 /// Sections that are shown and that no file of `but` touches are what all points make of them. Gives their number.
 fn rest_is_whole(world: &mut World, paths: &[PathBuf], but: &[Cells]) -> usize {
-    let all = all_sections(paths);
+    let all = all_sections(world.surface, paths);
     let shown = world.live.shown().to_vec();
     let rest = |key: &SectionKey| !but.iter().any(|[low, high]| key.touches(*low, *high));
     let rest: Vec<_> = shown
@@ -54,12 +53,12 @@ fn rest_is_whole(world: &mut World, paths: &[PathBuf], but: &[Cells]) -> usize {
 fn a_disk_that_fails_costs_what_lies_on_it() {
     // It can be opened, but its end cannot be read.
     let failing = Setup { failing: Some(("d.las", 4_000_000)), ..LAVAPIPE };
-    common::run("faults::a_disk_that_fails_costs_what_lies_on_it", failing, |setup| {
+    live::run("faults::a_disk_that_fails_costs_what_lies_on_it", failing, |setup, surface| {
         assert!(!failing_disk::VARIABLES.is_empty());
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let mut world = World::open(&gpu, surface, &paths, PLENTY, BRIDGED());
         let (_, sight) = above(&world, 0.3);
         let status = world.complete(&sight);
         assert!(status.damaged > 0, "{status:?}");
@@ -74,31 +73,35 @@ fn a_disk_that_fails_costs_what_lies_on_it() {
 
 #[test]
 fn a_file_cut_short_while_it_is_seen_costs_what_lies_in_it() {
-    common::run("faults::a_file_cut_short_while_it_is_seen_costs_what_lies_in_it", LAVAPIPE, |setup| {
-        let gpu = setup.gpu();
-        let folder = tempfile::tempdir().unwrap();
-        let paths = tiles(folder.path());
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
-        // A place in the third, and then all.
-        let lost = cells(&world, &paths[2]);
-        let size = world.bounds.max - world.bounds.min;
-        let place = world.bounds.min + size * glam::DVec3::new(0.2, 0.8, 0.5);
-        let near = Camera::orbit(place, [0.0, 90.0], 60.0, Projection::default()).unwrap();
-        let sight = world.sight(&near, 1.0);
-        world.complete(&sight);
-        assert!(world.live.take_errors().is_empty());
-        let len = fs::metadata(&paths[2]).unwrap().len();
-        fs::File::options().write(true).open(&paths[2]).unwrap().set_len(len / 3).unwrap();
-        let (_, sight) = above(&world, 0.3);
-        let status = world.complete(&sight);
-        assert!(status.damaged > 0, "{status:?}");
-        let errors = world.live.take_errors();
-        assert_eq!(errors.len(), 1, "{errors:?}");
-        assert!(errors[0].contains("c.laz") && errors[0].contains("changed"), "{errors:?}");
-        let others = [&paths[..2], &paths[3..]].concat();
-        assert!(rest_is_whole(&mut world, &others, &[lost]) > 3);
-        assert_eq!(gpu.messages(), [""; 0]);
-    });
+    live::run(
+        "faults::a_file_cut_short_while_it_is_seen_costs_what_lies_in_it",
+        LAVAPIPE,
+        |setup, surface| {
+            let gpu = setup.gpu();
+            let folder = tempfile::tempdir().unwrap();
+            let paths = tiles(folder.path());
+            let mut world = World::open(&gpu, surface, &paths, PLENTY, BRIDGED());
+            // A place in the third, and then all.
+            let lost = cells(&world, &paths[2]);
+            let size = world.bounds.max - world.bounds.min;
+            let place = world.bounds.min + size * glam::DVec3::new(0.2, 0.8, 0.5);
+            let near = Camera::orbit(place, [0.0, 90.0], 60.0, Projection::default()).unwrap();
+            let sight = world.sight(&near, 1.0);
+            world.complete(&sight);
+            assert!(world.live.take_errors().is_empty());
+            let len = fs::metadata(&paths[2]).unwrap().len();
+            fs::File::options().write(true).open(&paths[2]).unwrap().set_len(len / 3).unwrap();
+            let (_, sight) = above(&world, 0.3);
+            let status = world.complete(&sight);
+            assert!(status.damaged > 0, "{status:?}");
+            let errors = world.live.take_errors();
+            assert_eq!(errors.len(), 1, "{errors:?}");
+            assert!(errors[0].contains("c.laz") && errors[0].contains("changed"), "{errors:?}");
+            let others = [&paths[..2], &paths[3..]].concat();
+            assert!(rest_is_whole(&mut world, &others, &[lost]) > 3);
+            assert_eq!(gpu.messages(), [""; 0]);
+        },
+    );
 }
 
 /// Sixty-four tiles of 40 m, compressed and not.
@@ -112,11 +115,11 @@ fn many(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn hiding_one_of_many_files_reads_only_its_neighbours() {
-    common::run("faults::hiding_one_of_many_files_reads_only_its_neighbours", LAVAPIPE, |setup| {
+    live::run("faults::hiding_one_of_many_files_reads_only_its_neighbours", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = many(folder.path());
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let mut world = World::open(&gpu, surface, &paths, PLENTY, BRIDGED());
         let (_, sight) = above(&world, 0.3);
         world.complete(&sight);
         let hidden = 27;
@@ -149,7 +152,7 @@ fn hiding_one_of_many_files_reads_only_its_neighbours() {
             assert!(anew <= touched.len() + 4, "{anew} sections anew, it touches {}", touched.len());
             let shown: Vec<_> =
                 (0..64).filter(|k| is_shown || *k != hidden).map(|k| paths[k].clone()).collect();
-            world.check(&all_sections(&shown));
+            world.check(&all_sections(surface, &shown));
         }
         assert_eq!(gpu.messages(), [""; 0]);
     });
@@ -158,13 +161,13 @@ fn hiding_one_of_many_files_reads_only_its_neighbours() {
 #[test]
 fn with_little_memory_there_is_less_detail_and_with_next_to_none_it_is_said() {
     let name = "faults::with_little_memory_there_is_less_detail_and_with_next_to_none_it_is_said";
-    common::run(name, LAVAPIPE, |setup| {
+    live::run(name, LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
         let shares = |device_bytes| {
             let means = Means { device_bytes, ..PLENTY };
-            let mut world = World::open(&gpu, &paths, means, Access::Address, BRIDGED());
+            let mut world = World::open(&gpu, surface, &paths, means, BRIDGED());
             let (camera, sight) = above(&world, 0.3);
             let coarser = loop {
                 let tick = world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
@@ -192,21 +195,21 @@ fn with_little_memory_there_is_less_detail_and_with_next_to_none_it_is_said() {
 }
 
 /// What `paths` come to, and the first of them such that reading any chunk of it is a fault of the program.
-fn open_with_fault(paths: &[PathBuf]) -> load::Opening {
-    let mut opening = load::open(paths, &options(), &mut Problems::default()).unwrap();
+fn open_with_fault(surface: Surface, paths: &[PathBuf]) -> load::Opening {
+    let mut opening = load::open(paths, &options(surface), &mut Problems::default()).unwrap();
     opening.inputs[0].input.file.header.record_len = 0;
     opening
 }
 
 #[test]
 fn a_fault_of_the_program_costs_the_chunk_it_happened_at() {
-    common::run("faults::a_fault_of_the_program_costs_the_chunk_it_happened_at", LAVAPIPE, |setup| {
+    live::run("faults::a_fault_of_the_program_costs_the_chunk_it_happened_at", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
         let lost = LidarFile::open(&paths[0]).unwrap();
-        let opening = open_with_fault(&paths);
-        let mut world = World::of(&gpu, opening, PLENTY, Access::Address, BRIDGED());
+        let opening = open_with_fault(surface, &paths);
+        let mut world = World::of(&gpu, surface, opening, PLENTY, BRIDGED());
         let (_, sight) = above(&world, 0.3);
         assert!(world.complete(&sight).damaged > 0);
         let mut errors = world.live.take_errors();
@@ -226,17 +229,16 @@ fn a_fault_of_the_program_costs_the_chunk_it_happened_at() {
 
 #[test]
 fn when_no_thread_reads_any_more_nobody_waits() {
-    common::run("faults::when_no_thread_reads_any_more_nobody_waits", LAVAPIPE, |setup| {
+    live::run("faults::when_no_thread_reads_any_more_nobody_waits", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let mut world = World::open(&gpu, surface, &paths, PLENTY, BRIDGED());
         let (_, sight) = above(&world, 0.3);
-        let opening = load::open(&paths, &options(), &mut Problems::default()).unwrap();
-        world.live =
-            Live::new(opening.inputs, Surface::Columns, opening.grid, opening.core, 1 << 30, 2, || {
-                panic!("nobody is there")
-            });
+        let opening = load::open(&paths, &options(surface), &mut Problems::default()).unwrap();
+        world.live = Live::new(opening.inputs, surface, opening.grid, opening.core, 1 << 30, 2, || {
+            panic!("nobody is there")
+        });
         let start = Instant::now();
         let tick = loop {
             let tick = world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
@@ -255,12 +257,12 @@ fn when_no_thread_reads_any_more_nobody_waits() {
 
 #[test]
 fn no_frame_waits_for_threads_that_read() {
-    common::run("faults::no_frame_waits_for_threads_that_read", LAVAPIPE, |setup| {
+    live::run("faults::no_frame_waits_for_threads_that_read", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let without = all_sections(&paths[1..]);
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let without = all_sections(surface, &paths[1..]);
+        let mut world = World::open(&gpu, surface, &paths, PLENTY, BRIDGED());
         let (_, sight) = above(&world, 0.3);
         // Some has arrived, some is under way.
         for _ in 0..5 {
@@ -278,7 +280,7 @@ fn no_frame_waits_for_threads_that_read() {
         });
         held.recv().unwrap();
         let start = Instant::now();
-        let more = load::open(&paths[..1], &options(), &mut Problems::default()).unwrap();
+        let more = load::open(&paths[..1], &options(surface), &mut Problems::default()).unwrap();
         let opened = start.elapsed();
         world.live.set_file_visible(0, false);
         world.live.pause(true);
@@ -303,12 +305,12 @@ fn no_frame_waits_for_threads_that_read() {
 
 #[test]
 fn a_chunk_too_large_for_the_memory_is_named() {
-    common::run("faults::a_chunk_too_large_for_the_memory_is_named", LAVAPIPE, |setup| {
+    live::run("faults::a_chunk_too_large_for_the_memory_is_named", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
         let means = Means { host_bytes: 256 << 10, ..PLENTY };
-        let mut world = World::open(&gpu, &paths, means, Access::Address, BRIDGED());
+        let mut world = World::open(&gpu, surface, &paths, means, BRIDGED());
         let (_, sight) = above(&world, 0.1);
         assert!(world.complete(&sight).damaged > 0);
         let errors = world.live.take_errors();

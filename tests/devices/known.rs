@@ -13,7 +13,7 @@ use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::image::Image;
 use lasray::resident::live::Status;
-use lasray::resident::pool::Access;
+use lasray::section::Surface;
 use lasray::source::known::RawBounds;
 use lasray::source::learned::Cache;
 use lasray::source::{Decoder, LidarFile};
@@ -23,10 +23,10 @@ use std::path::PathBuf;
 
 /// A world that knows what is kept there, and what opening it says.
 fn open(gpu: &Gpu, paths: &[PathBuf], cache: Option<&Cache>) -> (World, Vec<String>) {
-    let options = LoadOptions { cache: cache.cloned(), ..live::options() };
+    let options = LoadOptions { cache: cache.cloned(), ..live::options(Surface::Stacks) };
     let mut problems = Problems::default();
     let opening = load::open(paths, &options, &mut problems).unwrap();
-    let world = World::of(gpu, opening, PLENTY, Access::Address, BRIDGED());
+    let world = World::of(gpu, Surface::Stacks, opening, PLENTY, BRIDGED());
     if let Some(cache) = cache {
         world.live.save_learned_to(cache.clone());
     }

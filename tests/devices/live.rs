@@ -1,7 +1,7 @@
 //! Live residency: what cameras see is made of everything that touches it, whatever came first and however little
 //! memory there is; files that are hidden, gone or broken change what they touch and nothing else.
 
-use super::common::{self, LAVAPIPE, ORDERS, SWIFTSHADER};
+use super::common::{self, LAVAPIPE, ORDERS, SWIFTSHADER, Setup};
 use super::scene::{self, BRIDGED, MEASURED};
 use super::{SIZE, cameras};
 use glam::DVec3;
@@ -12,7 +12,7 @@ use lasray::ingest::bins::Budget;
 use lasray::load::{self, LoadOptions, Opening};
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
-use lasray::render::frame::Renderer;
+use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
 use lasray::render::sight::sight;
 use lasray::resident::cut::{Shown, Sight};
@@ -31,6 +31,9 @@ use std::time::{Duration, Instant};
 
 const CELL: f64 = 0.25;
 
+/// As nearly all that streams is seen, and as what it is compared with was made first.
+pub(super) const SURFACES: [Surface; 2] = [Surface::Stacks, Surface::Columns];
+
 /// Four tiles of the town, compressed and not.
 pub(super) fn tiles(folder: &Path) -> Vec<PathBuf> {
     let tile = |k: i32| {
@@ -40,9 +43,9 @@ pub(super) fn tiles(folder: &Path) -> Vec<PathBuf> {
     (0..4).map(tile).collect()
 }
 
-pub(super) fn options() -> LoadOptions {
+pub(super) fn options(surface: Surface) -> LoadOptions {
     LoadOptions {
-        surface: Surface::Columns,
+        surface,
         cell: Some(CELL.into()),
         placement: PlacementOptions::default(),
         rgb_bits: None,
@@ -54,14 +57,15 @@ pub(super) fn options() -> LoadOptions {
 }
 
 /// Every section of every level, words as they are uploaded, from all points of `paths`.
-pub(super) fn all_sections(paths: &[PathBuf]) -> HashMap<SectionKey, Vec<u32>> {
-    let loaded = load::paths(paths, &options(), &mut Problems::default()).unwrap();
+pub(super) fn all_sections(surface: Surface, paths: &[PathBuf]) -> HashMap<SectionKey, Vec<u32>> {
+    let loaded = load::paths(paths, &options(surface), &mut Problems::default()).unwrap();
     let mut words = HashMap::new();
     let mut level: HashMap<SectionKey, Columns> = loaded.sections.into_iter().collect();
-    for _ in 0..6 {
+    for above_level in 1..=6 {
+        let fresh = || Columns::new(surface, loaded.grid.stacking(above_level));
         let mut above = HashMap::<SectionKey, Columns>::new();
         for (key, columns) in level {
-            columns.coarsen_into(key.i, key.j, above.entry(key.parent()).or_default());
+            columns.coarsen_into(key.i, key.j, above.entry(key.parent()).or_insert_with(fresh));
             words.insert(key, columns.pack().words);
         }
         level = above;
@@ -69,10 +73,21 @@ pub(super) fn all_sections(paths: &[PathBuf]) -> HashMap<SectionKey, Vec<u32>> {
     words
 }
 
+/// Runs `body` in `setup` with stacks, and again with columns; it opens a device of its own each time.
+pub(super) fn run(test: &str, setup: Setup, body: impl Fn(Setup, Surface)) {
+    run_with(test, setup, &SURFACES, body);
+}
+
+/// The same with other surfaces.
+pub(super) fn run_with(test: &str, setup: Setup, surfaces: &[Surface], body: impl Fn(Setup, Surface)) {
+    common::run(test, setup, |setup| surfaces.iter().for_each(|&surface| body(setup, surface)));
+}
+
 /// What is live of some files.
 pub(super) struct World {
     pub live: Live,
     pub scene: Scene,
+    pub surface: Surface,
     pub grid: Grid,
     pub bounds: Bounds,
     pub placement: Placement,
@@ -80,41 +95,53 @@ pub(super) struct World {
     summary: AttributeSummary,
 }
 
-/// Memory and threads.
+/// Memory, the way into it, and threads.
 #[derive(Clone, Copy)]
 pub(super) struct Means {
     pub host_bytes: u64,
     pub device_bytes: u64,
     pub threads: usize,
+    pub access: Access,
 }
 
-pub(super) const PLENTY: Means = Means { host_bytes: 1 << 30, device_bytes: 1 << 30, threads: 2 };
+pub(super) const PLENTY: Means =
+    Means { host_bytes: 1 << 30, device_bytes: 1 << 30, threads: 2, access: Access::Address };
+/// The same, bound as a buffer: what validation sees.
+const BOUND: Means = Means { access: Access::StorageBuffer, ..PLENTY };
 
 impl World {
-    pub fn open(gpu: &Gpu, paths: &[PathBuf], means: Means, access: Access, visibility: Visibility) -> World {
-        World::with_cell(gpu, paths, CELL, means, access, visibility)
+    pub fn open(
+        gpu: &Gpu,
+        surface: Surface,
+        paths: &[PathBuf],
+        means: Means,
+        visibility: Visibility,
+    ) -> World {
+        World::with_cell(gpu, surface, paths, CELL, means, visibility)
     }
 
     /// `cell`: side of a finest one.
     pub fn with_cell(
         gpu: &Gpu,
+        surface: Surface,
         paths: &[PathBuf],
         cell: f64,
         means: Means,
-        access: Access,
         visibility: Visibility,
     ) -> World {
-        let options = LoadOptions { cell: Some(cell.into()), ..options() };
+        let options = LoadOptions { cell: Some(cell.into()), ..options(surface) };
         let opening = load::open(paths, &options, &mut Problems::default()).unwrap();
-        World::of(gpu, opening, means, access, visibility)
+        World::of(gpu, surface, opening, means, visibility)
     }
 
-    pub fn of(gpu: &Gpu, opening: Opening, means: Means, access: Access, visibility: Visibility) -> World {
+    pub fn of(gpu: &Gpu, surface: Surface, opening: Opening, means: Means, visibility: Visibility) -> World {
         let Opening { inputs, grid, core, about } = opening;
+        let Means { host_bytes, device_bytes, threads, access } = means;
         let placement = inputs[0].input.placement.clone();
         World {
-            live: Live::new(inputs, Surface::Columns, grid, core, means.host_bytes, means.threads, || ()),
-            scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, grid).unwrap(),
+            live: Live::new(inputs, surface, grid, core, host_bytes, threads, || ()),
+            scene: Scene::new(gpu, |order| order, access, device_bytes, visibility, grid).unwrap(),
+            surface,
             grid,
             bounds: about.bounds,
             placement,
@@ -161,20 +188,24 @@ impl World {
         }
     }
 
-    pub fn picture(&mut self, camera: &Camera) -> Image {
-        let anchor = self.grid.height(self.bounds.center().z).unwrap();
-        let mut renderer = Renderer::new(&self.scene, self.grid, anchor).unwrap();
-        let table = renderer.table_of(&self.scene, self.live.shown());
-        let data = scene::Data {
+    /// What pictures of it are drawn with.
+    fn data(&self) -> scene::Data {
+        scene::Data {
             sections: Vec::new(),
             grid: self.grid,
             bounds: self.bounds,
             low: Arc::new(LowSurface::of(&self.bounds, &[])),
-            anchor,
+            anchor: self.grid.height(self.bounds.center().z).unwrap(),
             colors: self.colors.clone(),
             summary: self.summary.clone(),
             placement: Placement::default(),
-        };
+        }
+    }
+
+    pub fn picture(&mut self, camera: &Camera) -> Image {
+        let data = self.data();
+        let mut renderer = Renderer::new(&self.scene, self.grid, data.anchor).unwrap();
+        let table = renderer.table_of(&self.scene, self.live.shown());
         let view = if self.scene.visibility().bridge == 0 {
             data.exact(camera, SIZE)
         } else {
@@ -182,17 +213,46 @@ impl World {
         };
         renderer.draw_table(&mut self.scene, &view, &table).unwrap()
     }
+
+    /// To draw frame upon frame of `camera`.
+    pub fn frames(&self, camera: &Camera, size: [u32; 2]) -> Frames {
+        let data = self.data();
+        let renderer = Renderer::new(&self.scene, self.grid, data.anchor).unwrap();
+        Frames { data, renderer, camera: *camera, size }
+    }
+}
+
+/// Draws frames as a window does, one sample each.
+pub(super) struct Frames {
+    data: scene::Data,
+    renderer: Renderer,
+    camera: Camera,
+    size: [u32; 2],
+}
+
+impl Frames {
+    /// Draws what is there, and waits for it.
+    pub fn draw(&mut self, world: &mut World) {
+        let table = self.renderer.table_of_live(&world.scene, &world.live);
+        let view = View { samples: 1, ..self.data.lit(&self.camera, self.size) };
+        let point = self.renderer.submit_frame(&mut world.scene, &view, &table, None).unwrap();
+        world.scene.order.wait(point).unwrap();
+    }
 }
 
 #[test]
 fn what_is_seen_is_made_of_all_points() {
     for setup in [&ORDERS[..], &[LAVAPIPE, SWIFTSHADER]].concat() {
-        common::run("live::what_is_seen_is_made_of_all_points", setup, |setup| {
+        let surfaces: &[Surface] = match setup {
+            LAVAPIPE => &[Surface::Stacks, Surface::Smooth, Surface::Columns],
+            _ => &[Surface::Stacks],
+        };
+        run_with("live::what_is_seen_is_made_of_all_points", setup, surfaces, |setup, surface| {
             let gpu = setup.gpu();
             let folder = tempfile::tempdir().unwrap();
             let paths = tiles(folder.path());
-            let all = all_sections(&paths);
-            let mut world = World::open(&gpu, &paths, PLENTY, Access::StorageBuffer, BRIDGED());
+            let all = all_sections(surface, &paths);
+            let mut world = World::open(&gpu, surface, &paths, BOUND, BRIDGED());
             let mut levels = [0; 8];
             for camera in cameras(&super::town().bounds) {
                 for detail in [1.0, 0.3] {
@@ -214,13 +274,13 @@ fn what_is_seen_is_made_of_all_points() {
 /// The same to the last bit with little memory, one thread, files in another order.
 #[test]
 fn pictures_do_not_depend_on_means() {
-    common::run("live::pictures_do_not_depend_on_means", LAVAPIPE, |setup| {
+    run("live::pictures_do_not_depend_on_means", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let mut paths = tiles(folder.path());
         let cameras = cameras(&super::town().bounds);
         let pictures = |paths: &[PathBuf], means| -> Vec<Image> {
-            let mut world = World::open(&gpu, paths, means, Access::Address, BRIDGED());
+            let mut world = World::open(&gpu, surface, paths, means, BRIDGED());
             let picture = |camera: &Camera| {
                 let sight = world.sight(camera, 1.0);
                 assert_eq!(world.complete(&sight).coarser, 1.0);
@@ -230,7 +290,7 @@ fn pictures_do_not_depend_on_means() {
         };
         let usual = pictures(&paths, PLENTY);
         paths.reverse();
-        let little = Means { host_bytes: 4 << 20, device_bytes: 192 << 20, threads: 1 };
+        let little = Means { host_bytes: 4 << 20, device_bytes: 192 << 20, threads: 1, ..PLENTY };
         for (k, (a, b)) in usual.iter().zip(pictures(&paths, little)).enumerate() {
             assert!(a.distance.iter().any(|d| d.is_finite()), "picture {k} shows nothing");
             assert_eq!((&a.color, &a.distance, &a.class), (&b.color, &b.distance, &b.class), "picture {k}");
@@ -241,11 +301,11 @@ fn pictures_do_not_depend_on_means() {
 /// Holes are bridged across borders, with what is seen and with nothing else.
 #[test]
 fn pictures_do_not_depend_on_what_was_seen_before() {
-    common::run("live::pictures_do_not_depend_on_what_was_seen_before", LAVAPIPE, |setup| {
+    run("live::pictures_do_not_depend_on_what_was_seen_before", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let open = || World::with_cell(&gpu, &paths, 0.1, PLENTY, Access::Address, BRIDGED());
+        let open = || World::with_cell(&gpu, surface, &paths, 0.1, PLENTY, BRIDGED());
         let picture = |world: &mut World, camera: &Camera, alone: bool| {
             let sight = world.sight(camera, 1.0);
             world.complete(&sight);
@@ -269,14 +329,14 @@ fn pictures_do_not_depend_on_what_was_seen_before() {
 /// At the finest level everywhere the pictures are those of everything in memory.
 #[test]
 fn finest_cells_give_the_picture_of_everything() {
-    common::run("live::finest_cells_give_the_picture_of_everything", LAVAPIPE, |setup| {
+    run("live::finest_cells_give_the_picture_of_everything", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let data = scene::Data::load(&paths, Some(CELL));
+        let data = scene::Data::load_with(&paths, Some(CELL), |options| LoadOptions { surface, ..options });
         let mut whole = data.scene(&gpu, Access::Address, MEASURED());
         let mut renderer = data.renderer(&whole);
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, MEASURED());
+        let mut world = World::open(&gpu, surface, &paths, PLENTY, MEASURED());
         for camera in cameras(&super::town().bounds) {
             let sight = world.sight(&camera, 0.0);
             world.complete(&sight);
@@ -291,12 +351,12 @@ fn finest_cells_give_the_picture_of_everything() {
 
 #[test]
 fn hidden_files_are_taken_out_and_come_back() {
-    common::run("live::hidden_files_are_taken_out_and_come_back", LAVAPIPE, |setup| {
+    run("live::hidden_files_are_taken_out_and_come_back", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let (all, without) = (all_sections(&paths), all_sections(&paths[1..]));
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let (all, without) = (all_sections(surface, &paths), all_sections(surface, &paths[1..]));
+        let mut world = World::open(&gpu, surface, &paths, PLENTY, BRIDGED());
         let above = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), SIZE).unwrap();
         let sight = world.sight(&above, 0.3);
         let sections = |world: &World| world.scene.counters().sections;
@@ -324,15 +384,15 @@ fn hidden_files_are_taken_out_and_come_back() {
 
 #[test]
 fn files_that_fail_are_named_once_and_the_rest_goes_on() {
-    common::run("live::files_that_fail_are_named_once_and_the_rest_goes_on", LAVAPIPE, |setup| {
+    run("live::files_that_fail_are_named_once_and_the_rest_goes_on", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let without = all_sections(&paths[1..]);
+        let without = all_sections(surface, &paths[1..]);
         // Gone after it was opened, before anyone reads it for good: threads do so from the start.
-        let opening = load::open(&paths, &options(), &mut Problems::default()).unwrap();
+        let opening = load::open(&paths, &options(surface), &mut Problems::default()).unwrap();
         fs::remove_file(&paths[0]).unwrap();
-        let mut world = World::of(&gpu, opening, PLENTY, Access::Address, BRIDGED());
+        let mut world = World::of(&gpu, surface, opening, PLENTY, BRIDGED());
         let above = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), SIZE).unwrap();
         let sight = world.sight(&above, 0.3);
         let status = world.complete(&sight);
@@ -344,13 +404,13 @@ fn files_that_fail_are_named_once_and_the_rest_goes_on() {
 
         // Broken in the middle: what is before and behind it stays.
         let mut bytes = fs::read(&paths[1]).unwrap();
-        let opening = load::open(&paths[1..], &options(), &mut Problems::default()).unwrap();
+        let opening = load::open(&paths[1..], &options(surface), &mut Problems::default()).unwrap();
         let middle = bytes.len() / 2;
         bytes[middle..middle + 4000].fill(0xFF);
         let modified = fs::metadata(&paths[1]).unwrap().modified().unwrap();
         fs::write(&paths[1], bytes).unwrap();
         fs::File::options().write(true).open(&paths[1]).unwrap().set_modified(modified).unwrap();
-        let mut world = World::of(&gpu, opening, PLENTY, Access::Address, BRIDGED());
+        let mut world = World::of(&gpu, surface, opening, PLENTY, BRIDGED());
         world.complete(&sight);
         world.live.take_errors().iter().for_each(|error| assert!(error.contains("b.laz"), "{error}"));
         assert!(world.picture(&above).distance.iter().filter(|d| d.is_finite()).count() > 1000);
@@ -364,15 +424,19 @@ fn resident_bytes() -> Option<u64> {
     Some(text.split(' ').nth(1)?.parse::<u64>().ok()? * 4096)
 }
 
+/// Jumps before memory is looked at: the allocator has its share by then.
+const FIRST_JUMPS: u32 = 200;
+
 /// Jumps over all of the data, never waiting, in a pool that holds a part of it. LASRAY_JUMPS: more than every day.
 #[test]
 fn jumps_neither_leak_nor_wait() {
-    common::run("live::jumps_neither_leak_nor_wait", ORDERS[1], |setup| {
+    let surfaces = [Surface::Stacks, Surface::Smooth, Surface::Columns];
+    run_with("live::jumps_neither_leak_nor_wait", ORDERS[1], &surfaces, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let means = Means { host_bytes: 24 << 20, device_bytes: 24 << 20, threads: 2 };
-        let mut world = World::open(&gpu, &paths, means, Access::StorageBuffer, BRIDGED());
+        let means = Means { host_bytes: 24 << 20, device_bytes: 24 << 20, ..BOUND };
+        let mut world = World::open(&gpu, surface, &paths, means, BRIDGED());
         let random = AtomicU64::new(7);
         let next = |below: f64| {
             let state =
@@ -394,8 +458,8 @@ fn jumps_neither_leak_nor_wait() {
             (world.scene.resident().count(), bytes, world.scene.pool().held_bytes(), resident_bytes())
         };
         let mut first = None;
-        for jump in 0..jumps {
-            if jump == jumps / 5 {
+        for jump in 0..FIRST_JUMPS + jumps {
+            if jump == FIRST_JUMPS + jumps / 5 {
                 first = Some(rest(&mut world));
             }
             let eye = world.bounds.min + DVec3::new(next(size.x), next(size.y), 20.0 + next(300.0));
@@ -404,17 +468,20 @@ fn jumps_neither_leak_nor_wait() {
             let sight = world.sight(&camera, 1.0);
             for _ in 0..3 {
                 world.live.tick(&mut world.scene, &sight, 2 << 20).unwrap();
+                assert!(world.scene.pool().held_bytes() <= means.device_bytes);
+                let held = world.live.status(&world.scene).host_bytes;
+                assert!(held <= means.host_bytes, "{held} bytes of host memory");
                 world.live.wait(Duration::from_micros(300));
             }
             if jump % 30 == 0 {
                 world.picture(&camera);
             }
-            assert!(world.scene.pool().held_bytes() <= means.device_bytes);
-            let held = world.live.status(&world.scene).host_bytes;
-            assert!(held <= means.host_bytes, "{held} bytes of host memory");
         }
         let (first, last) = (first.unwrap(), rest(&mut world));
-        println!("sections, their bytes, the pool's, the process's: {first:?}, after {jumps} jumps {last:?}");
+        let name = surface.name();
+        println!(
+            "{name}: sections, their bytes, the pool's, the process's: {first:?}, after {jumps} jumps {last:?}"
+        );
         assert_eq!((first.0, first.1), (last.0, last.1));
         assert!(last.2 <= first.2);
         if let (Some(first), Some(last)) = (first.3, last.3) {
@@ -429,11 +496,11 @@ fn jumps_neither_leak_nor_wait() {
 /// A steady flight: sections that come into sight are there when they do, in most cases.
 #[test]
 fn what_comes_into_sight_is_read_before() {
-    common::run("live::what_comes_into_sight_is_read_before", LAVAPIPE, |setup| {
+    run("live::what_comes_into_sight_is_read_before", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, BRIDGED());
+        let mut world = World::open(&gpu, surface, &paths, PLENTY, BRIDGED());
         let from = world.bounds.min + DVec3::new(40.0, 20.0, 70.0);
         let sight = |world: &World, north: f64| {
             let eye = from + DVec3::new(north, north, 0.0);
@@ -466,11 +533,11 @@ fn what_comes_into_sight_is_read_before() {
 /// The section table is made when what it names has changed, not in every frame.
 #[test]
 fn tables_are_kept_while_nothing_changes() {
-    common::run("live::tables_are_kept_while_nothing_changes", LAVAPIPE, |setup| {
+    run("live::tables_are_kept_while_nothing_changes", LAVAPIPE, |setup, surface| {
         let gpu = setup.gpu();
         let folder = tempfile::tempdir().unwrap();
         let paths = tiles(folder.path());
-        let mut world = World::open(&gpu, &paths, PLENTY, Access::Address, MEASURED());
+        let mut world = World::open(&gpu, surface, &paths, PLENTY, MEASURED());
         let camera = Camera::frame(&world.bounds, [0.0, 90.0], Projection::default(), SIZE).unwrap();
         let above = world.sight(&camera, 1.0);
         world.complete(&above);

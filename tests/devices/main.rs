@@ -12,6 +12,7 @@ mod faults;
 mod known;
 #[path = "../common/lax.rs"]
 mod lax_writer;
+mod layers;
 mod live;
 mod looks;
 #[cfg(feature = "view")]

@@ -38,7 +38,7 @@ pub struct Args {
     pub(super) peer: bool,
 
     /// Frames while files stream in beside the same frames with everything there: whether any waits, and how
-    /// much longer they take
+    /// much longer they take; and what it takes to show other classes
     #[arg(long, help_heading = "Parts")]
     pub(super) stream: bool,
 
@@ -91,6 +91,9 @@ pub struct Args {
     #[arg(long, default_value = "2GiB", value_parser = bytes, requires = "stream", help_heading = "Streaming", value_name = "BYTES")]
     pub(super) host_memory: u64,
 
+    /// What the points of a column stand for, with --stream and --ingest [default: stacks]; all other parts compare columns
+    #[arg(long, value_enum, help_heading = "Data")]
+    pub(super) surface: Option<Surface>,
     /// Side of a cell, CRS units
     #[arg(long, default_value_t = 0.25, value_parser = positive, help_heading = "Data")]
     pub(super) cell: f64,
@@ -123,7 +126,12 @@ pub struct Args {
 }
 
 impl Args {
-    /// The options of reading.
+    /// What the points of a column stand for where that can be chosen.
+    pub(super) fn surface(&self) -> Surface {
+        self.surface.unwrap_or_default()
+    }
+
+    /// The options of reading, columns.
     pub(super) fn load_options(&self) -> LoadOptions {
         LoadOptions {
             surface: Surface::Columns,
@@ -146,7 +154,8 @@ Times are device timestamps where the device has them; docs/performance.md says 
 --stream: each path is flown from nothing, frame upon frame, while threads read the files; then what all of its
 cameras want is fetched, reading stops, and the same frames are drawn twice more. All in turn, --runs times; the ratio
 is the median of those of the runs in which the last two flights are alike, the other figures are over all frames. The fast path goes back and forth over
-the data, 256 cells a frame. Shaders are compiled before.
+the data, 256 cells a frame. Shaders are compiled before. At last, from the middle of the first path and with everything there,
+bare earth is shown and then all classes, --runs times: how long it takes, and how much longer frames take meanwhile.
 
 Ctrl-C and, on Unix, SIGTERM end it after the frame or run at hand, with tables, --json and --plot of all that was
 measured whole until then; a second one ends it at once.

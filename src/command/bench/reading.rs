@@ -52,6 +52,7 @@ impl Harness<'_> {
             kept: self.cache.clone(),
             quiet: args.quiet,
             files: self.files()?,
+            surface: args.surface(),
             cell: Some(args.cell),
             ..IngestOptions::default()
         })

@@ -23,6 +23,23 @@ const MOST_DIFFER: f64 = 1e-3;
 /// Pixels of a frame.
 const SIZE: [u32; 2] = [640, 360];
 
+/// Whether what is asked for goes together; `draws`: frames are measured.
+fn check(args: &Args, draws: bool) -> Result<(), UsageError> {
+    if args.scaling && args.grid.first().is_some_and(|config| config.levels < 2) {
+        return Err(UsageError("--scaling: a configuration of at least two levels is needed".to_owned()));
+    }
+    if args.plot.is_some() && !draws {
+        return Err(UsageError("--plot: no frames are measured".to_owned()));
+    }
+    if !args.threads.is_empty() && !args.ingest && !args.load {
+        return Err(UsageError("--threads: only --ingest and --load take it".to_owned()));
+    }
+    if args.surface.is_some() && !args.stream && !args.ingest {
+        return Err(UsageError("--surface: only --stream and --ingest take it".to_owned()));
+    }
+    Ok(())
+}
+
 /// Measures.
 pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     let usage = |e: &dyn std::fmt::Display| anyhow::Error::from(UsageError(e.to_string()));
@@ -45,15 +62,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     // What chooses frames for --scaling and --stream too asks for none of its own.
     let chosen = !args.grid.is_empty() || !args.paths.is_empty() && !args.stream;
     let draws = !parts || args.table || !files.is_empty() && !args.stream || chosen && !args.scaling;
-    if args.scaling && args.grid.first().is_some_and(|config| config.levels < 2) {
-        return Err(usage(&"--scaling: a configuration of at least two levels is needed"));
-    }
-    if args.plot.is_some() && !draws {
-        return Err(usage(&"--plot: no frames are measured"));
-    }
-    if !args.threads.is_empty() && !args.ingest && !args.load {
-        return Err(usage(&"--threads: only --ingest and --load take it"));
-    }
+    check(&args, draws)?;
     let cache = if args.no_cache { None } else { Cache::of_user() };
     let cache = cache.map(|cache| cache.folder().to_owned());
     let gpu = Gpu::new(&GpuOptions { device: args.device, cache: cache.clone(), ..Default::default() })
@@ -78,6 +87,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         "inputs": args.inputs.iter().map(|i| i.to_string_lossy()).collect::<Vec<_>>(),
         "size": size,
         "strip": args.strip,
+        "surface": (args.stream || args.ingest).then(|| args.surface().name()),
         "cell": args.cell,
         "points": args.points,
         "seed": args.seed,

@@ -11,6 +11,7 @@ use crate::bench::steady::Repeats;
 use crate::bench::thesis::Config;
 use crate::load;
 use crate::render::benchmark_path::PathKind;
+use crate::section::Surface;
 
 /// Frames of a path that scaling is measured by, and the paths.
 const SCALING_FRAMES: u32 = 30;
@@ -100,6 +101,7 @@ impl Harness<'_> {
             let options = IngestOptions {
                 points,
                 files: Vec::new(),
+                surface: Surface::Columns,
                 cold: false,
                 runs: LOAD_RUNS,
                 threads: vec![load::threads() as u32],

@@ -160,7 +160,11 @@ impl StackMap {
         StackMap::from_cells(columns.iter().map(stack), lattice)
     }
 
-    fn from_cells(cells: impl IntoIterator<Item = ([i64; 2], Stack)>, lattice: [f64; 2]) -> StackMap {
+    /// Takes stacks that are binned already, each of which holds a point.
+    ///
+    /// # Panics
+    /// Where one holds none.
+    pub fn from_cells(cells: impl IntoIterator<Item = ([i64; 2], Stack)>, lattice: [f64; 2]) -> StackMap {
         let (cells, stacks): (Vec<[i64; 2]>, Vec<Stack>) = cells.into_iter().unzip();
         let tops: Vec<Column> = stacks.iter().map(|stack| stack.top().expect("a point is in it")).collect();
         StackMap { tops: ColumnMap::from_cells(cells.into_iter().zip(tops), lattice), stacks }
