@@ -188,6 +188,23 @@ group! { payload:
     /// north-west and the north-east; twice that where codes are wide. Those of a section are last of what is derived, block by
     /// block, row by row in each.
     CORNER_WORDS = 2;
+    /// Of what floats of a class in a column, whole from top to bottom: so many, from the highest down, are joined with those around; others
+    /// stand alone.
+    MOST_JOINED = 24;
+    /// Runs of a column that are looked at for that.
+    MOST_JOINED_RUNS = 128;
+    /// Of what a span is joined with, a byte each: heights of ends of tubes, or of its corners. A byte of no end.
+    NO_END = 0x80;
+    /// And of a tube that is not drawn from its middle, but about its only end.
+    END_ALONE = 0x81;
+    /// First word of that of a span that goes on from one above it.
+    JOINED_ABOVE = 0x8181_8181;
+    /// And of one that stands upright, round.
+    UPRIGHT = 0x8282_8282;
+    /// log2 of the steps that heights of ends are rounded to is so much less than that of a slice.
+    END_STEP = 7;
+    /// And that of corners of spans.
+    SPAN_CORNER_STEP = 6;
     /// Codes of all levels but the coarsest: a bit a level, so that those of the levels finer than one are the higher
     /// bits.
     CODES_BELOW_TOP = codes_of_levels(0, SECTION_LOG2 - 1);
@@ -225,6 +242,8 @@ group! { node:
     NODE_FLOATS = 12;
     /// First word of its corners in what is derived, where its tops are a smooth surface; 0: they are not.
     NODE_CORNERS = 13;
+    /// Words from a span to what it is joined with, where its tops are a smooth surface; 0: nothing may float.
+    NODE_JOINS = 14;
 
     /// First word of the key of an unused slot.
     NO_KEY = u32::MAX;

@@ -1,7 +1,7 @@
 // Heights of the four corners of each column, for the surface between them: of the 2x2 columns that meet at a corner the mean top
 // of those that hang together with the column, side by side, without a jump. So columns of one surface share the corner, and at a
-// jump each side has its own. Then levels 1 and 2 of the pyramid, which no corner is above.
-// Reads level 0 of the section and of its eight neighbours; writes corners, and levels 1 and 2. One thread a half block of those
+// jump each side has its own. Then levels 1 and 2 of the pyramid, which no corner is above, nor what spans are joined with.
+// Reads level 0 of the section and of its eight neighbours, and what its spans are joined with; writes corners, and levels 1 and 2. One thread a half block of those
 // that the job is for; y is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -9,6 +9,7 @@
 #include "section.glsl"
 #include "derive.glsl"
 #include "corners.glsl"
+#include "joins.glsl"
 
 layout(local_size_x = DERIVE_THREADS) in;
 
@@ -39,6 +40,33 @@ int corner(uint column, uint east, uint north, uint across) {
     if (with_north) { sum += uint(heights[north] - least); n++; }
     if (with_across) { sum += uint(heights[across] - least); n++; }
     return least + int(sum / n);
+}
+
+// Code that no span of a column leads above.
+uint highest_join(uvec2 derived, uvec2 column, int slice_log2, uint joins, int half_cell) {
+    uint list = list_of(derived, block_of(column), IS_WIDE);
+    if (list == 0u) return 0u;
+    uvec2 spans = spans_of_column(derived, list, in_block(column), IS_WIDE);
+    uint from = spans_of(derived, list, IS_WIDE), bound = 0u;
+    for (uint k = 0u; k < spans.y; k++) {
+        uint at = from + (spans.x + k) * span_words(IS_WIDE);
+        ivec2 ends = ivec2(two_codes(derived, at, IS_WIDE));
+        uvec2 words = joins_at(derived, at + joins);
+        int top = ends.x;
+        if (is_joined_above(words) || is_upright(words)) {
+            // No higher than it is.
+        } else if (is_tube(words)) {
+            ivec4 eight = max(four_bytes(words.x), four_bytes(words.y));
+            int most = max(max(eight.x, eight.y), max(eight.z, eight.w));
+            // Its ends are rounded down.
+            if (most >= -126) top = max(top, middle_of(ends) + ((most + 1) << end_step(slice_log2)) + half_cell);
+        } else {
+            ivec4 four = span_corners(words.x, ends.x, slice_log2, 0);
+            top = max(top, max(max(four.x, four.y), max(four.z, four.w)) + (1 << corner_step(slice_log2)));
+        }
+        bound = max(bound, uint(max(top, 0)));
+    }
+    return WIDE ? bound : min(bound, MOST_NARROW_CODE);
 }
 
 void main() {
@@ -83,6 +111,10 @@ void main() {
             else {
                 pool_store(derived, at, codes.x | codes.y << 16u);
                 pool_store(derived, at + 1u, codes.z | codes.w << 16u);
+            }
+            if (JOB[job].joins != 0u) {
+                int half_cell = int(JOB[job].thickness + 1u >> 1u);
+                bound = max(bound, highest_join(derived, origin + uvec2(x, y), int(JOB[job].slice), JOB[job].joins, half_cell));
             }
             uint node = (y >> 1u) * (HALF_BLOCK_EAST / 2u) + (x >> 1u);
             bounds[node] = max(bounds[node], bound);

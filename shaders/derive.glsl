@@ -17,7 +17,8 @@ struct Job {
     uint jump;     // of a smooth surface: tops of columns beside each other that differ by more are of two surfaces, lattice steps
     uint corners;  // and the first word of its corners
     uint reach;    // of stacks: columns each way that tell whether what is not classified floats
-    uint spare[2];
+    uint joins;   // and words from a span to what it is joined with; 0: nothing may float
+    uint spare;
 };
 
 struct Derive {

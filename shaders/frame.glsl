@@ -44,6 +44,9 @@ struct Frame {
     ivec2 ground_first;
     vec2 ground_scale, ground_at;
     float slab;        // its thickness, lattice steps
+    float cell_height; // lattice steps in one cell side, without exaggeration
+    int slice_log2;    // log2 lattice steps of a slice of stacks of the finest cells
+    vec2 pixel;        // cells from a pixel's ray to the next: at t = 0, and what a length of t adds where the direction is a length long
 };
 
 // One slot of the section table, an open-addressed hash over nodes of the quadtree (src/resident/table.rs).
@@ -57,7 +60,8 @@ struct Node {
     uint beside[4]; // slots of the sections of its size and detail to the east, west, north and south, or NO_NODE
     uint floats;    // 1 where something of its section may float
     uint corners;   // first word of its corners in what is derived of it; 0: its tops are no smooth surface
-    uint pad[2];    // a cache line
+    uint joins;     // words from a span of it to what it is joined with; 0: spans are boxes
+    uint pad;       // a cache line
 };
 
 bool is_section(uint top) { return (top & TOP_SECTION) != 0u; }
@@ -126,6 +130,7 @@ uint node_wide(uint slot) { return node_word(slot, NODE_WIDE); }
 uint node_beside(uint slot, uint side) { return node_word(slot, NODE_BESIDE + side); }
 uint node_floats(uint slot) { return node_word(slot, NODE_FLOATS); }
 uint node_corners(uint slot) { return node_word(slot, NODE_CORNERS); }
+uint node_joins(uint slot) { return node_word(slot, NODE_JOINS); }
 #else
 uint beam_at(uint tile) { log_load(frame.beams, tile); return BEAM[tile]; }
 uvec2 node_key(uint slot) { log_node(slot, NODE_KEY); return NODE[slot].key; }
@@ -137,6 +142,7 @@ uint node_wide(uint slot) { log_node(slot, NODE_WIDE); return NODE[slot].wide; }
 uint node_beside(uint slot, uint side) { log_node(slot, NODE_BESIDE + side); return NODE[slot].beside[side]; }
 uint node_floats(uint slot) { log_node(slot, NODE_FLOATS); return NODE[slot].floats; }
 uint node_corners(uint slot) { log_node(slot, NODE_CORNERS); return NODE[slot].corners; }
+uint node_joins(uint slot) { log_node(slot, NODE_JOINS); return NODE[slot].joins; }
 #endif
 
 // t beyond which a ray has left everything; an axis along which it does not move is crossed later than that.

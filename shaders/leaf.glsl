@@ -82,8 +82,8 @@ const float SIDE_LEAST = 0.003;
 
 // When the ray comes to the surface of a column (`cell`, mirrored, of `detail`) while it is there from `t` to `t_end`; FAR: it does
 // not. `four`: heights of the corners that are south-west, south-east, north-west and north-east to a ray so mirrored.
-// `side`: it comes in below.
-float surface_contact(in Walk walk, Ray ray, float t, float t_end, ivec2 cell, int detail, ivec4 four, out bool side) {
+// `above`: how far it comes in above it, lattice steps; `side`: it comes in below, by more than rounding.
+float surface_contact(in Walk walk, Ray ray, float t, float t_end, ivec2 cell, int detail, ivec4 four, out float above, out bool side) {
     float size = float(1 << detail);
     bvec2 still = lessThan(abs(ray.step.xy), vec2(1e-20));
     vec2 speed = mix(abs(ray.step.xy), vec2(0.0), still) / size;
@@ -94,6 +94,7 @@ float surface_contact(in Walk walk, Ray ray, float t, float t_end, ivec2 cell, i
     float east = float(four.y - four.x), north = float(four.z - four.x), twist = float(four.w - four.z) - east;
     float rise = mix(walk.z0 - float(four.x), float(ray.cell.z - four.x) + ray.fraction.z, frame.origin_step == 1.0);
     float f0 = fma(t, walk.dz, rise) - (east * at.x + north * at.y + twist * at.x * at.y);
+    above = f0;
     side = f0 < -SIDE_LEAST * size * frame.cell_steps;
     if (f0 <= 0.0) return t;
     float f1 = walk.dz - (east * speed.x + north * speed.y + twist * (at.x * speed.y + at.y * speed.x));
@@ -108,8 +109,7 @@ float surface_contact(in Walk walk, Ray ray, float t, float t_end, ivec2 cell, i
 }
 
 // Heights of a column's corners as they are to a ray so mirrored.
-ivec4 mirrored(in Walk walk, int base, uvec4 codes) {
-    ivec4 four = base + ivec4(codes);
+ivec4 mirrored(in Walk walk, ivec4 four) {
     if (walk.mirror.x != 0) four = four.yxwz;
     if (walk.mirror.y != 0) four = four.zwxy;
     return four;

@@ -14,6 +14,8 @@
 #include "color.glsl"
 #ifdef SMOOTH
 #include "corners.glsl"
+#include "joins.glsl"
+#include "tubes.glsl"
 #endif
 
 layout(local_size_x_id = ID_GROUP_X, local_size_y_id = ID_GROUP_Y) in;
@@ -105,6 +107,33 @@ vec2 slope_about(inout Here here, inout int shown, int detail, ivec2 column, vec
     rises -= mean.z * mean.xy / n;
     return vec2(squares.z * rises.x - squares.y * rises.y, squares.x * rises.y - squares.y * rises.x)
          / (squares.x * squares.z - squares.y * squares.y);
+}
+#endif
+
+#ifdef SMOOTH
+// Away from the axis of what is round, span `span` of the block of a column, at a place (cells from the column's middle) at height `z`; 0:
+// the span is a slab.
+vec3 round_normal_at(uint slot, uvec2 column, uint span, int detail, vec2 place, float z) {
+    uvec2 pyramid = node_pyramid(slot);
+    uint wide = node_wide(slot), list = list_of(pyramid, block_of(column), wide);
+    uint from = spans_of(pyramid, list, wide), first = spans_of_column(pyramid, list, in_block(column), wide).x;
+    uint k = span - 1u, at = from + k * span_words(wide), class_ = pool_load(pyramid, at + 1u + wide) >> SHOWN_CLASS_SHIFT;
+    uvec2 words = joins_at(pyramid, at + node_joins(slot));
+    // The highest of what it is a part of.
+    while (is_joined_above(words) && k > first) {
+        k--;
+        uint above = from + k * span_words(wide);
+        if (pool_load(pyramid, above + 1u + wide) >> SHOWN_CLASS_SHIFT != class_) continue;
+        at = above;
+        words = joins_at(pyramid, at + node_joins(slot));
+    }
+    if (is_joined_above(words) || !is_upright(words) && !is_tube(words)) return vec3(0.0);
+    ivec2 ends = node_base(slot) + ivec2(two_codes(pyramid, at, wide));
+    Tube tube = tube_of(words, ends, detail, ivec2(0));
+    vec3 away = away_from(tube, vec3(place, (z - float(middle_of(ends))) / (frame.cell_height * float(1 << detail))));
+    // As it is shown.
+    away.z *= frame.cell_steps / frame.cell_height;
+    return dot(away, away) > 0.0 ? normalize(away) : vec3(0.0, 0.0, 1.0);
 }
 #endif
 
@@ -209,6 +238,17 @@ void main() {
                 if (frame.shade == SHADE_LIT) ramp_height = uint(int(round(edge)));
             }
         }
+        vec3 round_normal = vec3(0.0);
+        bool is_joined = is_span && node_joins(hit.y) != 0u;
+        if (is_joined) {
+            z = fma(uintBitsToFloat(hit.x), ray.step.z, origin_height(ray));
+            if (frame.shade == SHADE_LIT) ramp_height = uint(int(round(z)));
+            float size = float(1 << detail);
+            place = clamp((vec2(ray.cell.xy - (column << detail)) + fma(vec2(uintBitsToFloat(hit.x)), ray.step.xy, ray.fraction.xy)) / size, 0.0, 1.0) - 0.5;
+            round_normal = round_normal_at(hit.y, inner, span, detail, place, z);
+            is_joined = round_normal == vec3(0.0);
+            edge = z;
+        }
 #endif
         // Columns are solid without end: below the slab a lit image shows what is behind their sides.
         if (frame.shade == SHADE_LIT && face != FACE_TOP && !is_span) {
@@ -235,7 +275,8 @@ void main() {
             vec3 normal;
 #ifdef SMOOTH
             vec2 slope = vec2(0.0);
-            if (is_span || corners == 0u) slope = is_slab ? slope : slope_at(here, shown, detail, column, top, cell_steps);
+            if (is_joined) slope = slope_about(here, shown, detail, column, place, z, cell_steps);
+            else if (is_span || corners == 0u) slope = is_slab ? slope : slope_at(here, shown, detail, column, top, cell_steps);
             else if (!is_slab) slope = slope_about(here, shown, detail, column, place, edge, cell_steps);
 #else
             vec2 slope = is_slab ? vec2(0.0) : slope_at(here, shown, detail, column, top, cell_steps);
@@ -260,6 +301,12 @@ void main() {
 #endif
                 normal = normalize(mix(up, vec3(outward, 0.0), wall));
             }
+#ifdef SMOOTH
+            if (round_normal != vec3(0.0)) {
+                normal = round_normal;
+                outward = vec2(0.0);
+            }
+#endif
             // The slab is one plain band.
             if (is_slab) normal = vec3(outward, 0.0);
             float sky_seen = is_slab ? 1.0 : sky_at(here, shown, detail, column, place, z, outward, cell_steps);

@@ -6,8 +6,13 @@
 #endif
 #ifdef SMOOTH
 #include "corners.glsl"
+#include "joins.glsl"
 #endif
 #include "leaf.glsl"
+#ifdef SMOOTH
+#define WALKED
+#include "tubes.glsl"
+#endif
 #include "walk.glsl"
 
 // Whether rays start behind beams, or at the eye.

@@ -11,7 +11,7 @@
 // SwiftShader lost hits, it seems where a value of a thread that had left a loop was still computed for it.
 // With STACKED, spans that float are looked for, too.
 // With SMOOTH, too, the surface of what is solid is looked for in each column, whose height alone is no bound.
-// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl; STACKED: floats.glsl; SMOOTH: corners.glsl.
+// Needs pool.glsl, section.glsl, frame.glsl, lookup.glsl, leaf.glsl; STACKED: floats.glsl; SMOOTH: corners.glsl, joins.glsl, tubes.glsl.
 
 // Inverse of a step that is none.
 const float STILL = 1e30;
@@ -155,6 +155,8 @@ Hit trace(Ray ray, float start, int level) {
 #endif
 #ifdef SMOOTH
         bool side = false;
+        uint span_face = 0u;
+        Joined met = Joined(0u, uvec2(0u), false);
 #endif
         // From section to section, as long as they are of one size.
         while (true) {
@@ -169,7 +171,7 @@ Hit trace(Ray ray, float start, int level) {
         int highest_here = 0;
 #endif
 #ifdef SMOOTH
-        uint corners = node_corners(hit.slot);
+        uint corners = node_corners(hit.slot), joins = node_joins(hit.slot);
 #endif
         while (true) {
             hit.steps++;
@@ -182,7 +184,7 @@ Hit trace(Ray ray, float start, int level) {
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
 #ifdef SMOOTH
             if (level == finest && corners != 0u) {
-                float above = MOST_CORNER * frame.cell_steps * float(1 << detail);
+                float above = MOST_CORNER * frame.cell_height * float(1 << detail);
                 down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) + above && (t_exit > t || touches);
             }
 #endif
@@ -234,7 +236,12 @@ Hit trace(Ray ray, float start, int level) {
         uint spans_here = 0u;
         if (list != 0u) {
             uvec2 ends = two_codes(section.pyramid, list, section.wide);
-            bool meets = ends.y != no_bottom(section.wide) && max(z, z_exit) >= float(height_of(section, ends.y));
+            float lowest = float(height_of(section, ends.y));
+#ifdef SMOOTH
+            // Spans may lead lower.
+            if (joins != 0u) lowest -= MOST_CORNER * frame.cell_height * float(1 << detail);
+#endif
+            bool meets = ends.y != no_bottom(section.wide) && max(z, z_exit) >= lowest;
             uint of_solid = ends.x;
             if (level == finest) of_solid = code_in(section.pyramid, list, OF_SOLID, in_block(inner), section.wide);
             if (level == finest) highest_here = height_of(section, of_solid);
@@ -254,8 +261,9 @@ Hit trace(Ray ray, float start, int level) {
         if (corners != 0u) {
             uvec4 codes = corners_of(section.pyramid, corners, inner, section.wide);
             first_contact = FAR;
-            ivec4 four = mirrored(walk, section.base, codes);
-            if (codes.x != 0u) first_contact = surface_contact(walk, ray, t, t_exit, node >> detail - level, detail, four, side);
+            ivec4 four = mirrored(walk, section.base + ivec4(codes));
+            float above;
+            if (codes.x != 0u) first_contact = surface_contact(walk, ray, t, t_exit, node >> detail - level, detail, four, above, side);
         }
 #endif
         uvec2 spans = uvec2(0u);
@@ -265,11 +273,34 @@ Hit trace(Ray ray, float start, int level) {
         for (uint k = 0u; k < spans.y; k++) {
             uvec2 one = two_codes(section.pyramid, from + (spans.x + k) * span_words(section.wide), section.wide);
             int span_top = height_of(section, one.x), span_bottom = height_of(section, one.y);
+#ifdef SMOOTH
+            uint face_here = face;
+            Joined joined = Joined(0u, uvec2(0u), false);
+            float t_contact;
+            if (joins == 0u) t_contact = contact(walk, ray, t, t_exit, span_bottom, span_top);
+            else {
+                joined = joined_at(section, from + (spans.x + k) * span_words(section.wide), joins);
+                if (is_joined_above(joined.words)) {
+                    // What is met of the whole shows as this.
+                    if (span != 0u && joined.class_ == met.class_ && (met.slab || is_upright(met.words)) && fma(first_contact, walk.dz, walk.z0) <= float(span_top)) {
+                        span = spans.x + k + 1u;
+                        highest_here = span_top;
+                    }
+                    continue;
+                }
+                t_contact = joined_contact(walk, ray, t, t_exit, node >> detail - level, detail, joined, ivec2(span_top, span_bottom), face_here);
+            }
+#else
             float t_contact = contact(walk, ray, t, t_exit, span_bottom, span_top);
+#endif
             if (t_contact < first_contact || t_contact == first_contact && t_contact != FAR && span == 0u) {
                 first_contact = t_contact;
                 span = spans.x + k + 1u;
                 bottom = span_bottom;
+#ifdef SMOOTH
+                span_face = face_here;
+                met = joined;
+#endif
                 highest_here = span_top;
             }
         }
@@ -278,7 +309,7 @@ Hit trace(Ray ray, float start, int level) {
             top = highest_here;
             t_end = t_exit;
 #ifdef SMOOTH
-            if (span == 0u && corners != 0u) t_end = first_contact;
+            if (span == 0u ? corners != 0u : joins != 0u) t_end = first_contact;
 #endif
             break;
         }
@@ -301,6 +332,13 @@ Hit trace(Ray ray, float start, int level) {
             if (any(lessThan(node << level, low)) || any(greaterThanEqual(node << level, high))) break;
             uvec2 column = uvec2((node ^ flip) >> detail - finest) & (SECTION_SIDE - 1u);
 #ifdef STACKED
+#ifdef SMOOTH
+            if (span != 0u && node_joins(hit.slot) != 0u) {
+                if (walk.mirror.x != 0 && (span_face == FACE_WEST || span_face == FACE_EAST)) span_face = FACE_WEST + FACE_EAST - span_face;
+                if (walk.mirror.y != 0 && (span_face == FACE_SOUTH || span_face == FACE_NORTH)) span_face = FACE_SOUTH + FACE_NORTH - span_face;
+                return Hit(t_end, hit.slot, column, span_face, top, span);
+            }
+#endif
             if (span != 0u) return span_hit_in(walk, ray, Stay(t, t_end, face), Hit(t, hit.slot, column, face, top, span), bottom);
             hit.steps = 0u;
 #endif

@@ -47,6 +47,8 @@ enum Plane {
     Measured,
     /// Level 0 of the pyramid, and what columns show.
     Columns,
+    /// What spans are joined with.
+    Joins,
     /// Corners of columns.
     Corners,
     /// Levels 1 and 2.
@@ -60,6 +62,8 @@ enum Plane {
 enum Grain {
     /// A thread a half block.
     HalfBlock,
+    /// A thread a column.
+    Column,
     /// A workgroup a section.
     Section,
 }
@@ -101,12 +105,13 @@ enum Pass {
     Means,
     Bridge,
     Fill,
+    Joins,
     Corners,
     Pyramid,
 }
 
 /// Where nothing is bridged, the first pass writes the lower levels too.
-const PASSES: [PassDeclaration; 8] = [
+const PASSES: [PassDeclaration; 9] = [
     PassDeclaration {
         name: "tops",
         by_address: shaders::TOPS,
@@ -168,12 +173,22 @@ const PASSES: [PassDeclaration; 8] = [
         of: Of::Floating,
     },
     PassDeclaration {
+        name: "joins",
+        by_address: shaders::JOINS,
+        by_buffer: shaders::JOINS_SSBO,
+        reach: 1,
+        reads: &[Plane::Lowest, Plane::Spans],
+        writes: &[Plane::Spans, Plane::Joins],
+        grain: Grain::Column,
+        of: Of::Smooth,
+    },
+    PassDeclaration {
         name: "corners",
         by_address: shaders::CORNERS,
         by_buffer: shaders::CORNERS_SSBO,
         // A column beside those that are bridged.
         reach: LONGEST_BRIDGE + 1,
-        reads: &[Plane::Lowest, Plane::Spans, Plane::Columns],
+        reads: &[Plane::Lowest, Plane::Spans, Plane::Columns, Plane::Joins],
         writes: &[Plane::Spans, Plane::Corners, Plane::LowerLevels],
         grain: Grain::HalfBlock,
         of: Of::Smooth,
@@ -194,13 +209,14 @@ const PASSES: [PassDeclaration; 8] = [
 type Variant = [bool; 3];
 
 impl Pass {
-    const ALL: [Pass; 8] = [
+    const ALL: [Pass; 9] = [
         Pass::Tops,
         Pass::StackTops,
         Pass::Floaters,
         Pass::Means,
         Pass::Bridge,
         Pass::Fill,
+        Pass::Joins,
         Pass::Corners,
         Pass::Pyramid,
     ];
@@ -215,7 +231,7 @@ impl Pass {
         // Holes are filled where they are bridged.
         let runs = |pass: &Pass| match pass {
             Pass::Means | Pass::Bridge | Pass::Fill => bridge,
-            Pass::Corners => smooth,
+            Pass::Joins | Pass::Corners => smooth,
             _ => true,
         };
         let mut phases = vec![Vec::new()];
@@ -347,9 +363,9 @@ pub struct Task {
     /// Of stacks: log2 height steps of a slice, those that what floats reaches down below its points, in how many half
     /// blocks anything may, and how far around is told what floats.
     pub stacks: Option<[u32; 4]>,
-    /// Of smooth surfaces: height steps by which what hangs together rises from a column to the next at most, and the first
-    /// word of the corners.
-    pub smooth: Option<[u32; 2]>,
+    /// Of smooth surfaces: height steps by which what hangs together rises from a column to the next at most, the first
+    /// word of the corners, and words from a span to what it is joined with, 0: nothing may float.
+    pub smooth: Option<[u32; 3]>,
     /// Codes take 32 bits.
     pub wide: bool,
     /// Every run is visible.
@@ -375,7 +391,8 @@ struct Job {
     jump: u32,
     corners: u32,
     reach: u32,
-    spare: [u32; 2],
+    joins: u32,
+    spare: u32,
 }
 
 impl Task {
@@ -383,7 +400,7 @@ impl Task {
         let word = |[east, north]: [u32; 2]| east | north << 16;
         let Task { section, near, steepest, tie, .. } = *self;
         let [slice, thickness, lists, reach] = self.stacks.unwrap_or_default();
-        let [jump, corners] = self.smooth.unwrap_or_default();
+        let [jump, corners, joins] = self.smooth.unwrap_or_default();
         Job {
             section,
             near,
@@ -397,7 +414,8 @@ impl Task {
             jump,
             corners,
             reach,
-            spare: [0; 2],
+            joins,
+            spare: 0,
         }
     }
 
@@ -414,14 +432,16 @@ impl Task {
 
     /// Its jobs in a pass that it takes, by the workgroups that each takes.
     fn jobs(&self, pass: Pass) -> Vec<(u32, Job)> {
-        match pass.declared().grain {
+        let grain = pass.declared().grain;
+        match grain {
             Grain::Section => vec![(1, self.job([[0; 2]; 2]))],
-            Grain::HalfBlock => {
+            Grain::HalfBlock | Grain::Column => {
                 // What reads no neighbour follows from bridges, at least.
                 let reach = pass.declared().reach.max(LONGEST_BRIDGE);
                 let of_area = |area: [[u32; 2]; 2]| {
                     let [_, [width, height]] = area;
-                    ((width * height).div_ceil(GROUP_THREADS), self.job(area))
+                    let threads = if grain == Grain::Column { HALF_BLOCK[0] * HALF_BLOCK[1] } else { 1 };
+                    ((width * height * threads).div_ceil(GROUP_THREADS), self.job(area))
                 };
                 self.changed.areas(reach).into_iter().map(of_area).collect()
             }
@@ -574,7 +594,7 @@ impl Derive {
                 order.next_pass(&mut recording.commands);
             }
             let groups = match pass.declared().grain {
-                Grain::HalfBlock => [groups, jobs.len() as u32, 1],
+                Grain::HalfBlock | Grain::Column => [groups, jobs.len() as u32, 1],
                 Grain::Section => [jobs.len() as u32, 1, 1],
             };
             let pipeline = self.pipeline(pass, variant, run.pool.access())?;
@@ -672,6 +692,7 @@ mod tests {
                     jump,
                     corners,
                     reach,
+                    joins,
                     spare
                 }),
             );
@@ -688,7 +709,7 @@ mod tests {
             let phases = Pass::phases(bridge, smooth);
             assert!(phases[0].iter().all(|pass| pass.declared().reach == 0));
             assert!(phases.iter().all(|phase| phase[1..].iter().all(|pass| pass.declared().reach == 0)));
-            assert_eq!(phases.len(), 1 + usize::from(bridge) + usize::from(smooth));
+            assert_eq!(phases.len(), 1 + usize::from(bridge) + 2 * usize::from(smooth));
             let all = phases.concat();
             for (k, pass) in all.iter().enumerate() {
                 let is_written = |plane: &Plane| {

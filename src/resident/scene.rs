@@ -468,7 +468,7 @@ impl Scene {
             }),
             smooth: version.layout.corners().map(|first| {
                 let jump = f64::from(JUMP_QUARTERS) / 4.0 * self.grid.cell_steps(key.section.level);
-                [jump.clamp(1.0, MOST_JUMP) as u32, first]
+                [jump.clamp(1.0, MOST_JUMP) as u32, first, version.layout.joins().unwrap_or(0)]
             }),
             steepest: self.grid.cell_steps(key.section.level).clamp(1.0, STEEPEST) as u32,
             tie: if has_ties { tie_steps(&self.grid) } else { 0 },
@@ -710,6 +710,7 @@ impl Scene {
                 code: version.layout.code,
                 floats: self.may_float(version),
                 corners: version.layout.corners(),
+                joins: version.layout.joins(),
                 top,
             })
         };

@@ -9,7 +9,7 @@ use crate::section::HeightCode;
 use crate::shared::node::{
     HASH_EAST, HASH_LAST_SHIFT, HASH_LEVEL, HASH_MIX, HASH_NORTH, HASH_SHIFT, KEY_INDEX_MASK,
     KEY_LEVEL_SHIFT, META_DETAIL_SHIFT, NO_KEY, NO_NODE, NODE_BASE, NODE_BESIDE, NODE_CORNERS, NODE_FLOATS,
-    NODE_KEY, NODE_META, NODE_PYRAMID, NODE_TOP, NODE_WIDE, NODE_WORDS, TOP_SECTION,
+    NODE_JOINS, NODE_KEY, NODE_META, NODE_PYRAMID, NODE_TOP, NODE_WIDE, NODE_WORDS, TOP_SECTION,
 };
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
@@ -38,8 +38,10 @@ pub struct Node {
     pub floats: u32,
     /// First word of its corners where its tops are a smooth surface; 0: they are not.
     pub corners: u32,
+    /// Words from a span of it to what it is joined with; 0: spans are boxes.
+    pub joins: u32,
     /// Up to a cache line.
-    pub pad: [u32; 2],
+    pub pad: u32,
 }
 
 const _: () = {
@@ -53,6 +55,7 @@ const _: () = {
         NODE_BESIDE,
         NODE_FLOATS,
         NODE_CORNERS,
+        NODE_JOINS,
         NODE_WORDS,
     ];
     let bytes = [
@@ -65,6 +68,7 @@ const _: () = {
         offset_of!(Node, beside),
         offset_of!(Node, floats),
         offset_of!(Node, corners),
+        offset_of!(Node, joins),
         size_of::<Node>(),
     ];
     let mut k = 0;
@@ -90,7 +94,8 @@ const UNUSED: Node = Node {
     beside: [NO_NODE; 4],
     floats: 0,
     corners: 0,
-    pad: [0; 2],
+    joins: 0,
+    pad: 0,
 };
 
 /// An index has at most 22 bits: cells count to 2²⁹, nodes are 2⁸ of them.
@@ -113,6 +118,8 @@ pub struct Entry {
     pub floats: bool,
     /// First word of its corners, where its tops are a smooth surface.
     pub corners: Option<u32>,
+    /// Words from a span to what it is joined with, where its tops are a smooth surface.
+    pub joins: Option<u32>,
     /// Nothing that it shows is higher.
     pub top: Height,
 }
@@ -197,6 +204,7 @@ impl Table {
                 wide: u32::from(e.code.wide),
                 floats: u32::from(e.floats),
                 corners: e.corners.unwrap_or(0),
+                joins: e.joins.unwrap_or(0),
                 ..UNUSED
             };
             let other = nodes.insert((level, index), node);
@@ -260,7 +268,7 @@ mod tests {
     fn shaders_see_nodes_as_they_are_written() {
         assert_in(
             &readers_of_tables(),
-            &members!(Node { key, top, meta, pyramid, base, wide, beside, floats, corners, pad }),
+            &members!(Node { key, top, meta, pyramid, base, wide, beside, floats, corners, joins, pad }),
         );
         // Where they are texels, `node_word` counts words.
         let words = [
@@ -285,6 +293,7 @@ mod tests {
             top: Height(top),
             floats: false,
             corners: None,
+            joins: None,
         }
     }
 

@@ -189,8 +189,15 @@ impl Layout {
         self.smooth.then(|| first.next_multiple_of(LINE_WORDS))
     }
 
+    /// Words from a span to what it is joined with, in what is derived of a smooth surface. `None`: nothing may float.
+    pub fn joins(&self) -> Option<u32> {
+        let spans = self.floats.filter(|_| self.smooth)?.spans;
+        (spans > 0).then(|| spans * self.derived().span_words())
+    }
+
     fn bytes_before_corners(&self) -> u64 {
-        self.floats.map_or(self.derived().bytes(), |floats| self.derived().bytes_with(floats))
+        let bytes = self.floats.map_or(self.derived().bytes(), |floats| self.derived().bytes_with(floats));
+        bytes + 4 * u64::from(self.joins().unwrap_or(0))
     }
 
     fn derived(&self) -> Derived {
@@ -323,6 +330,14 @@ mod tests {
         for wide in [false, true] {
             assert_eq!(derived(wide).bytes_with(Floats::default()), derived(wide).bytes());
             assert_eq!(derived(wide).lists() % 16, 0);
+        }
+        // Of smooth surfaces what spans are joined with, as much again as these, and corners.
+        for (wide, joins, corners) in [(false, 2000, 147_824), (true, 3000, 218_496)] {
+            let layout = Layout::new(1, 0, HeightCode { base: 0, wide }, Some(floats));
+            assert_eq!((layout.joins(), layout.corners()), (None, None));
+            let smooth = Layout { smooth: true, ..layout };
+            assert_eq!((smooth.joins(), smooth.corners()), (Some(joins), Some(corners)));
+            assert_eq!(smooth.derived_bytes(), 4 * u64::from(corners + derived(wide).corner_words()));
         }
     }
 }

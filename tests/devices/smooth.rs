@@ -12,7 +12,9 @@ use lasray::resident::pool::Access;
 use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::Visibility;
 use lasray::section::{Derived, Surface};
-use lasray::shared::payload::LIST_SOLID;
+use lasray::shared::payload::{
+    END_STEP, JOINED_ABOVE, LIST_COUNTS, LIST_SOLID, LIST_SPANS, SPAN_CORNER_STEP, UPRIGHT,
+};
 use std::collections::HashMap;
 
 /// Columns beside each other are of one surface if they differ by no more cells.
@@ -34,6 +36,16 @@ struct Words {
     corners: u32,
     /// Something may float.
     floats: bool,
+    /// Words from a span to what it is joined with.
+    joins: u32,
+}
+
+/// Lattice steps.
+#[derive(Clone, Copy)]
+struct Steps {
+    jump: i32,
+    cell: i32,
+    slice_log2: u32,
 }
 
 impl Words {
@@ -42,7 +54,8 @@ impl Words {
         let derived = Derived { wide: layout.code.wide };
         let corners = layout.corners().expect("smooth");
         let floats = layout.floats.is_some_and(|floats| floats.spans > 0);
-        Words { words, derived, base: layout.code.base, corners, floats }
+        let joins = layout.joins().unwrap_or(0);
+        Words { words, derived, base: layout.code.base, corners, floats, joins }
     }
 
     fn code(&self, first: u32, k: u32) -> u32 {
@@ -79,6 +92,56 @@ impl Words {
         }
     }
 
+    /// First words of the spans of a column.
+    fn spans(&self, [x, y]: [u32; 2]) -> Vec<u32> {
+        let block = y / 4 * Derived::SIDE + x / 4;
+        let list = if self.floats { self.words[(self.derived.floats() + block) as usize] } else { 0 };
+        if list == 0 {
+            return Vec::new();
+        }
+        let head = list + 1 + u32::from(self.derived.wide);
+        let word = |at: u32| self.words[at as usize];
+        let count = |k: u32| word(head + LIST_COUNTS + k / 4) >> (8 * (k % 4)) & 0xFF;
+        let inner = y % 4 * 4 + x % 4;
+        let first: u32 = (0..inner).map(count).sum();
+        let at = |k: u32| word(head + LIST_SPANS) + k * self.derived.span_words();
+        (first..first + count(inner)).map(at).collect()
+    }
+
+    fn joined(&self, span: u32) -> [u32; 2] {
+        [0, 1].map(|word| self.words[(span + self.joins + word) as usize])
+    }
+
+    /// What all spans are joined with.
+    fn all_joined(&self) -> Vec<[u32; 2]> {
+        let columns = (0..SECTION_SIDE).flat_map(|y| (0..SECTION_SIDE).map(move |x| [x, y]));
+        columns.flat_map(|column| self.spans(column)).map(|span| self.joined(span)).collect()
+    }
+
+    /// Code that no span of a column leads above.
+    fn highest_join(&self, column: [u32; 2], steps: Steps) -> u32 {
+        let led = |span: u32| {
+            let [top, bottom] = [0, 1].map(|k| self.code(span, k) as i32);
+            let joined = self.joined(span);
+            let bytes = joined.map(|word| word.to_le_bytes().map(|byte| i32::from(byte as i8)));
+            let all = bytes.concat();
+            let led = if [JOINED_ABOVE, UPRIGHT].contains(&joined[0]) || all.iter().all(|&byte| byte < -126) {
+                top
+            } else if all.contains(&-128) {
+                // A tube, from its middle.
+                let step = steps.slice_log2.saturating_sub(END_STEP);
+                let end = all.iter().max().expect("eight") + 1;
+                bottom + (top - bottom) / 2 + (end << step) + (steps.cell + 1) / 2
+            } else {
+                let step = steps.slice_log2.saturating_sub(SPAN_CORNER_STEP);
+                let corner = bytes[0].iter().max().expect("four") + 1;
+                (top >> step << step) + (corner << step)
+            };
+            led.max(top)
+        };
+        self.spans(column).into_iter().map(led).max().unwrap_or(0) as u32
+    }
+
     /// South-west, south-east, north-west, north-east.
     fn corners(&self, [x, y]: [u32; 2]) -> [u32; 4] {
         let column = (y / 4 * Derived::SIDE + x / 4) * 16 + y % 4 * 4 + x % 4;
@@ -100,7 +163,8 @@ fn corner(around: [Option<i32>; 4], jump: i32) -> i32 {
 }
 
 /// Checks all corners of `keys`, which are all that is there, and the pyramid over them.
-fn check(scene: &mut Scene, keys: &[SectionKey], jump: i32, what: &str) {
+fn check(scene: &mut Scene, keys: &[SectionKey], steps: Steps, what: &str) {
+    let jump = steps.jump;
     let sections: HashMap<SectionKey, Words> = keys.iter().map(|&key| (key, Words::of(scene, key))).collect();
     let top = |[i, j]: [i32; 2]| {
         let key = SectionKey { level: 0, i: i.div_euclid(SIDE), j: j.div_euclid(SIDE) };
@@ -116,7 +180,7 @@ fn check(scene: &mut Scene, keys: &[SectionKey], jump: i32, what: &str) {
             let found = section.corners([x, y]);
             // What floats is in the pyramid, too.
             let bound = &mut bounds[(y * SECTION_SIDE + x) as usize];
-            *bound = section.node(0, [x, y]);
+            *bound = section.node(0, [x, y]).max(section.highest_join([x, y], steps));
             let Some(own) = top([i, j]) else {
                 assert_eq!(found, [0; 4], "{what}, {key:?}, column {x}, {y}");
                 continue;
@@ -154,26 +218,35 @@ fn check(scene: &mut Scene, keys: &[SectionKey], jump: i32, what: &str) {
 fn corners_follow_what_comes_and_goes() {
     common::run("smooth::corners_follow_what_comes_and_goes", LAVAPIPE, |setup| {
         let (gpu, data) = (setup.gpu(), town());
-        let jump = (JUMP * data.grid.cell() / data.grid.height_step) as i32;
+        let cell = data.grid.cell_steps(0);
+        let slice_log2 = data.grid.stacking(0).slice_log2;
+        let steps = Steps { jump: (JUMP * cell) as i32, cell: cell.ceil() as i32, slice_log2 };
         let keys: Vec<_> = data.sections.iter().map(|(key, _)| *key).collect();
         assert!(keys.len() >= 9, "{} sections", keys.len());
         for (access, shown) in
             [(Access::Address, BRIDGED()), (Access::StorageBuffer, BRIDGED()), (Access::Texels, MEASURED())]
         {
             let mut scene = data.scene(&gpu, access, shown);
-            check(&mut scene, &keys, jump, "all at once");
+            check(&mut scene, &keys, steps, "all at once");
+            let joined = |scene: &mut Scene| -> Vec<_> {
+                keys.iter().map(|key| Words::of(scene, *key).all_joined()).collect()
+            };
+            let all_joined = joined(&mut scene);
+            let many = all_joined.iter().flatten().filter(|words| **words != [0x8080_8080; 2]).count();
+            assert!(many > 1000, "next to nothing is joined");
             let (gone, left) = keys.split_at(3);
             scene.evict(gone).unwrap();
             scene.settle().unwrap();
-            check(&mut scene, left, jump, "some gone");
+            check(&mut scene, left, steps, "some gone");
             // One by one.
             for (k, (key, packed)) in data.sections[..3].iter().enumerate() {
                 assert!(scene.upload(*key, packed).unwrap());
                 scene.settle().unwrap();
-                check(&mut scene, &[&keys[..=k], left].concat(), jump, "some come");
+                check(&mut scene, &[&keys[..=k], left].concat(), steps, "some come");
             }
+            assert!(joined(&mut scene) == all_joined, "joined otherwise once all have come back");
             scene.set_visibility(Visibility { bridge: 4 - shown.bridge, ..shown }).unwrap();
-            check(&mut scene, &keys, jump, "other bridges");
+            check(&mut scene, &keys, steps, "other bridges");
         }
         assert_eq!(gpu.messages(), [""; 0]);
     });

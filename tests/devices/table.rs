@@ -30,6 +30,7 @@ fn table() -> (Vec<Entry>, Table) {
             Entry {
                 floats: false,
                 corners: None,
+                joins: None,
                 key: SectionKey { level: 0, i: k % 7, j: k / 7 },
                 detail: 0,
                 pyramid: [address as u32, (address >> 32) as u32],

@@ -25,7 +25,7 @@ pub fn loaded(path: &Path, cell: Option<f64>, surface: Surface) -> Data {
 }
 
 /// A span reaches a cell below its points, which are at most two cells apart, rounded up to a power of two of steps.
-fn spacing(grid: &Grid) -> Spacing {
+pub fn spacing(grid: &Grid) -> Spacing {
     let cell_steps = grid.cell() / grid.height_step;
     let gap = (0..62).map(|log2| 1i64 << log2).find(|&gap| gap as f64 >= 2.0 * cell_steps);
     Spacing { thickness: cell_steps.ceil().max(1.0) as i64, gap: gap.expect("cells of few steps") }

@@ -52,6 +52,9 @@ pub(crate) struct FrameConstants {
     pub(crate) ground_scale: [f32; 2],
     pub(crate) ground_at: [f32; 2],
     pub(crate) slab: f32,
+    pub(crate) cell_height: f32,
+    pub(crate) slice_log2: i32,
+    pub(crate) pixel: [f32; 2],
 }
 
 impl FrameConstants {
@@ -100,6 +103,10 @@ impl FrameConstants {
                 Background::Sky => BACKGROUND_SKY,
             },
             slab: view.slab.as_ref().map_or(f32::INFINITY, |slab| (slab.thickness / grid.height_step) as f32),
+            cell_height: grid.cell_steps(0) as f32,
+            slice_log2: grid.stacking(0).slice_log2 as i32,
+            pixel: [rays.shown.ox.length() / cell, rays.shown.dx.length() * rays.unit / cell]
+                .map(|v| v as f32),
             ground_first: ground.first,
             ground_scale: ground.scale,
             ground_at: ground.at,
@@ -305,6 +312,9 @@ mod tests {
             ground_scale,
             ground_at,
             slab,
+            cell_height,
+            slice_log2,
+            pixel,
         });
         let texels = readers_of_texels();
         assert_in(&readers, &constants);

@@ -3,7 +3,8 @@
 //! The exact image contract, of columns: a column is solid from its highest shown point down without end; a cell
 //! without points is empty; cells are half-open, `[i, i + 1) · c`; a ray hits where it first is at or
 //! below a column's top inside that cell. Written apart from the sections, pyramids and shaders that it
-//! checks: `columns` bins points, `stacks` does so where things float, `smooth` makes a surface of what is solid, `trace` finds hits by brute force over the finest
+//! checks: `columns` bins points, `stacks` does so where things float, `smooth` makes a surface of what is solid, `joined` tubes and slabs of what floats (both between
+//! `corners`), `trace` finds hits by brute force over the finest
 //! cells, `compare` says how an image differs from them, `shade` gives hits their colour, `screen` packs colours. They share
 //! with the device the rays, the class mask and the colour tables alone. `beam` goes as the shader goes, since what a beam
 //! reaches is a choice of the shader.
@@ -11,6 +12,10 @@
 pub mod beam;
 mod columns;
 mod compare;
+mod corners;
+mod joined;
+#[cfg(test)]
+mod joined_tests;
 pub mod screen;
 pub mod shade;
 mod smooth;

@@ -10,7 +10,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::StdRng, seq::SliceRandom};
 
-const ONE: [u32; 2] = [1, 1];
+pub(super) const ONE: [u32; 2] = [1, 1];
 
 pub(super) fn point(e: f64, n: f64, u: f64, class: u8) -> Point {
     Point { e, n, u, class, intensity: 0, rgb: [0; 3], returns: 0x11, flags: 0 }

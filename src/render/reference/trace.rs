@@ -50,7 +50,7 @@ pub(super) struct Stay {
     pub t_in: f64,
     pub t_out: f64,
     /// Whether the borders it comes in and leaves by belong to the cell.
-    in_closed: bool,
+    pub in_closed: bool,
     pub out_closed: bool,
     /// What it comes in by.
     pub side: Face,
