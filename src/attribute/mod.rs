@@ -3,6 +3,7 @@
 //! Colours here (points' RGB, ramps, palettes) are sRGB-encoded; light is computed and EXR written in
 //! linear values: [`srgb_to_linear`] after the lookup, [`linear_to_srgb`] before an 8-bit file.
 
+mod channel;
 mod class;
 mod class_names;
 mod counts;
@@ -15,6 +16,7 @@ mod srgb;
 mod summary;
 mod table;
 
+pub use channel::{Channel, TimeScale};
 pub use class::{ClassMask, Kinds, always_floats, class_color, class_name, is_always_solid, tells_nothing};
 pub use class_names::{class_names, class_numbers, classes_named};
 pub use counts::KindCounts;

@@ -1,5 +1,6 @@
 //! What a sample of points says of their attributes: the spread of values, and which occur.
 
+use super::channel::TimeScale;
 use super::record::Attributes;
 use crate::coords::Grid;
 
@@ -18,7 +19,7 @@ pub struct Spread {
 
 impl Spread {
     /// Of `values` in any order; zeros when there are none.
-    fn of(mut values: Vec<f64>) -> Spread {
+    pub fn of(mut values: Vec<f64>) -> Spread {
         values.sort_unstable_by(f64::total_cmp);
         let Some(last) = values.len().checked_sub(1) else { return Spread::default() };
         let percentile = |p: f64| values[(p / 100.0 * last as f64).round() as usize];
@@ -59,6 +60,10 @@ impl AttributeSample {
         let first = p.first().map_or([0; 3], |a| a.rgb);
         AttributeSummary {
             points: p.len() as u64,
+            source_ids: Vec::new(),
+            scan_angle: Spread::default(),
+            times: None,
+            is_timed: false,
             height: Spread::of(p.iter().map(|a| grid.units(a.height)).collect()),
             intensity: Spread::of(p.iter().map(|a| f64::from(a.intensity)).collect()),
             classes,
@@ -79,6 +84,14 @@ pub struct AttributeSummary {
     pub height: Spread,
     /// As stored.
     pub intensity: Spread,
+    /// Point source ids that were seen, ascending, with how many points have each.
+    pub source_ids: Vec<(u16, u64)>,
+    /// Degrees from the nadir.
+    pub scan_angle: Spread,
+    /// What GPS times are told apart by: those of all points, asked for or not; `None`: there are none.
+    pub times: Option<TimeScale>,
+    /// Every point has a GPS time.
+    pub is_timed: bool,
     /// Points of each class.
     pub classes: Box<[u64; 256]>,
     /// Points of each `returns` byte.

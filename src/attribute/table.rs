@@ -1,7 +1,9 @@
 //! Colour tables: the value of a field to a colour, as the shaders read it.
 
+use super::channel::Channel;
 use super::class::{class_color, class_name};
 use super::mode::ColorMode;
+use super::oklab::{even_path, oklab_to_srgb};
 use super::ramp::Ramp;
 use super::record::{Record, bias};
 use super::returns::ReturnKind;
@@ -22,10 +24,14 @@ pub enum AttributeError {
     },
 }
 
+/// Grey of what has no colour.
+const UNKNOWN: f64 = 0.65;
+
 /// A colour mode as the shaders read it: value of the field → index → table. RGB needs no table.
 ///
 /// ```text
-/// v     = word 0 | class | intensity | returns          (u32, by mode)
+/// v     = word 0 | class | channel | returns            (u32, by mode)
+/// v     = (v + 37 · ⌊v / 256⌋) mod 256                  (source ids alone)
 /// t     = v > lo ? min(float(v - lo) · scale, 255) : 0
 /// color = mix(table[floor(t)], table[min(floor(t) + 1, 255)], fract(t))        sRGB; linearise after
 /// ```
@@ -39,6 +45,8 @@ pub struct ColorTable {
     pub scale: f32,
     /// sRGB, alpha 1.
     pub table: Box<[[f32; 4]; 256]>,
+    /// What values of records mean, where the mode colours by those of their channel.
+    pub channel: Option<Channel>,
     /// Lowest and highest value of the ramp, for a legend: CRS units for heights; `None` without ramp.
     pub range: Option<(f64, f64)>,
     /// The field has one value everywhere, said in words, and how that is drawn: in the colour that it stands for
@@ -62,8 +70,10 @@ impl ColorTable {
         {
             return Err(AttributeError::Range { lo, hi });
         }
+        let channel = mode.channel(sample);
         let direct = |color: fn(u8) -> [u8; 3]| ColorTable {
             mode,
+            channel,
             lo: 0,
             scale: 1.0,
             table: table(|i| color(i as u8).map(|v| f64::from(v) / 255.0)),
@@ -78,6 +88,7 @@ impl ColorTable {
             });
             ColorTable {
                 mode,
+                channel,
                 lo: bias(lo),
                 scale: (ramp.last_index() / ((hi - lo) * steps)) as f32,
                 table: table(|i| ramp.at(f64::from(i) / ramp.last_index())),
@@ -90,18 +101,20 @@ impl ColorTable {
             ColorMode::Rgb => Some(direct(|_| [0; 3])),
             ColorMode::Class => Some(direct(class_color)),
             ColorMode::Return => Some(direct(|byte| ReturnKind::of(byte).color())),
-            ColorMode::Height | ColorMode::Intensity => None,
+            ColorMode::SourceId => Some(direct(source_color)),
+            ColorMode::Height | ColorMode::Intensity | ColorMode::ScanAngle | ColorMode::GpsTime => None,
         };
         if let Some(words) = constant(mode, sample).filter(|_| range.is_none() || own.is_some()) {
             if let Some(own) = own.filter(|_| sample.points > 0) {
                 return Ok(ColorTable { constant: Some(format!("{words}, drawn in that colour")), ..own });
             }
             let words = format!("{words}, drawn grey");
-            let grey = table(|_| [0.65; 3]);
+            let grey = table(|_| [UNKNOWN; 3]);
             // A grey table is read through a field, RGB too: class 0 to 255 all lead to grey.
             let mode = if mode == ColorMode::Rgb { ColorMode::Class } else { mode };
             return Ok(ColorTable {
                 mode,
+                channel,
                 lo: 0,
                 scale: 0.0,
                 table: grey,
@@ -110,7 +123,7 @@ impl ColorTable {
             });
         }
         Ok(match mode {
-            ColorMode::Rgb | ColorMode::Class | ColorMode::Return => {
+            ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId => {
                 own.unwrap_or_else(|| direct(|_| [0; 3]))
             }
             ColorMode::Height => {
@@ -120,7 +133,53 @@ impl ColorTable {
             ColorMode::Intensity => {
                 ramped(&sample.intensity, Ramp::Grey, &|v| v.clamp(0.0, 65535.0) as u32, 1.0)
             }
+            ColorMode::ScanAngle => {
+                // As far to both sides, so that the middle is the nadir.
+                let Spread { min, max, .. } = sample.scan_angle;
+                let most = min.abs().max(max.abs());
+                let (lo, hi) = range.unwrap_or((-most, most));
+                let codes = [lo, hi].map(|value| f64::from(Channel::ScanAngle.code(value)));
+                let steps = (codes[1] - codes[0]).max(1.0);
+                ColorTable {
+                    mode,
+                    channel,
+                    lo: codes[0] as u32,
+                    scale: (255.0 / steps) as f32,
+                    table: table(|i| {
+                        let t = f64::from(i) / 255.0;
+                        ramp.map_or_else(|| diverging(t), |ramp| ramp.at(t))
+                    }),
+                    range: Some((lo, hi)),
+                    constant: None,
+                }
+            }
+            ColorMode::GpsTime => {
+                let times = sample.times.unwrap_or_default();
+                let (lo, hi) = range.unwrap_or((times.from, times.to));
+                let codes = [lo, hi].map(|value| f64::from(Channel::GpsTime(times).code(value)));
+                let ramp = ramp.unwrap_or(Ramp::Turbo);
+                // The first entry is that of no time, and of what is before the range.
+                let scale = 254.0 / (codes[1] - codes[0]).max(1.0);
+                ColorTable {
+                    mode,
+                    channel,
+                    lo: (codes[0] - scale.recip()).max(0.0).round() as u32,
+                    scale: scale as f32,
+                    table: table(|i| match i.checked_sub(1) {
+                        None => [UNKNOWN; 3],
+                        Some(i) => ramp.at(f64::from(i) / 254.0),
+                    }),
+                    range: Some((lo, hi)),
+                    constant: None,
+                }
+            }
         })
+    }
+
+    /// sRGB of what the channel of a record holds, where the mode colours by that.
+    pub fn of_channel(&self, code: u16) -> [u8; 3] {
+        let record = Record([0, u32::from(code) << 8, 0]);
+        self.color(record).map(|v| (v * 255.0).round() as u8)
     }
 
     /// What the shaders compute: sRGB of `record`.
@@ -132,13 +191,36 @@ impl ColorTable {
             }
             ColorMode::Height => w0,
             ColorMode::Class => w1 >> 24,
-            ColorMode::Intensity => w1 >> 8 & 0xffff,
+            ColorMode::Intensity | ColorMode::ScanAngle | ColorMode::GpsTime => w1 >> 8 & 0xffff,
+            ColorMode::SourceId => source_entry(w1 >> 8 & 0xffff),
             ColorMode::Return => w2 >> 8 & 255,
         };
         let t = (value.saturating_sub(self.lo) as f32 * self.scale).min(255.0);
         let (a, b) = (self.table[t as usize], self.table[(t as usize + 1).min(255)]);
         [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t.fract())
     }
+}
+
+/// Entry of the palette of point source ids that an id has: ids that follow each other have different ones.
+fn source_entry(id: u32) -> u32 {
+    (id + 37 * (id >> 8)) & 255
+}
+
+/// sRGB of a point source id's entry: hues turn by the golden angle, so that neighbours differ.
+fn source_color(entry: u8) -> [u8; 3] {
+    let k = f64::from(entry);
+    let hue = (40.0 + k * 137.507_764_05).to_radians();
+    // Those that come close in hue differ in lightness.
+    let (lightness, chroma) = (0.62 + 0.07 * (k % 3.0), 0.13);
+    let lab = [lightness, chroma * hue.cos(), chroma * hue.sin()];
+    oklab_to_srgb(lab).map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
+}
+
+/// Blue, pale in the middle, red; as light to both sides.
+fn diverging(t: f64) -> [f64; 3] {
+    const STOPS: [[u8; 3]; 5] =
+        [[44, 96, 160], [130, 172, 214], [242, 240, 236], [226, 150, 120], [172, 56, 48]];
+    oklab_to_srgb(even_path(&STOPS, t)).map(|v| v.clamp(0.0, 1.0))
 }
 
 /// Height in lattice steps → biased lattice height, held inside the lattice.
@@ -164,6 +246,15 @@ fn constant(mode: ColorMode, sample: &AttributeSummary) -> Option<String> {
         ColorMode::Rgb => sample.rgb_constant.map(|[r, g, b]| format!("colour is {r},{g},{b} everywhere")),
         ColorMode::Height => spread("height", &sample.height),
         ColorMode::Intensity => spread("intensity", &sample.intensity),
+        ColorMode::ScanAngle => spread("scan angle", &sample.scan_angle),
+        ColorMode::GpsTime => match sample.times {
+            None => Some("there is no GPS time in this data".to_owned()),
+            Some(times) => (times.from >= times.to).then(|| format!("GPS time is {} everywhere", times.from)),
+        },
+        ColorMode::SourceId => match &sample.source_ids[..] {
+            [(id, _)] => Some(format!("source id is {id} everywhere")),
+            _ => None,
+        },
         ColorMode::Class => {
             let mut classes = (0..=255u8).filter(|&class| sample.classes[usize::from(class)] > 0);
             let class = classes.next().filter(|_| classes.next().is_none())?;

@@ -4,7 +4,7 @@ use super::outcome::{Outcome, UsageError};
 use super::placement::PlacementArgs;
 use super::saved::{self, SavedWords};
 use super::targets::check_targets;
-use super::values::{self, Cell, ClassList, Color, Orbit, Place};
+use super::values::{self, Cell, ClassList, Color, Orbit, Place, SelectionArgs};
 use crate::attribute::{ClassMask, Ramp};
 use crate::gpu::{GpuError, GpuOptions};
 use crate::load::LoadError;
@@ -37,14 +37,14 @@ pub struct Args {
     /// Vertical exaggeration
     #[arg(long, default_value_t = 1.0, value_parser = values::positive, help_heading = "Picture")]
     z_scale: f64,
-    /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity or
-    /// return
+    /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity, return,
+    /// source-id, scan-angle or gps-time
     #[arg(long, visible_alias = "colour", default_value = "auto", value_parser = values::color, help_heading = "Picture")]
     color: Color,
-    /// Colour ramp of heights and intensities
+    /// Colour ramp of heights, intensities, scan angles and times
     #[arg(long, value_enum, help_heading = "Picture")]
     ramp: Option<Ramp>,
-    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98]
+    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98; of scan angles and times all]
     #[arg(long, value_parser = values::range, allow_hyphen_values = true, help_heading = "Picture", value_name = "LO,HI")]
     range: Option<(f64, f64)>,
     /// Light, or plain colours
@@ -65,6 +65,9 @@ pub struct Args {
     /// Show withheld points
     #[arg(long, help_heading = "Picture")]
     withheld: bool,
+
+    #[command(flatten)]
+    selection: SelectionArgs,
 
     /// Where the camera is: E,N,U
     #[arg(long, value_parser = in_window, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
@@ -177,6 +180,8 @@ impl Args {
                 host_bytes: self.host_memory,
                 device_bytes: self.device_memory,
                 visibility: Visibility { classes, withheld: self.withheld, bridge, near_ties: true },
+                selection: self.selection.selection(),
+                color: self.color.0,
                 cache: self.cache(),
             },
             color: self.color.0,

@@ -4,11 +4,13 @@
 //! does not depend on the order of blocks, threads or files. When the sections outgrow a budget, all of them
 //! are coarsened by one power of two, which equals having binned at that size from the start.
 
+pub use super::meaning::Meaning;
+use super::selecting::Selector;
 use crate::attribute::{Attributes, Record};
 use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey, Stacking};
 use crate::limits::LIMITS;
 use crate::section::{Columns, Surface, column_index, device_bytes};
-use crate::source::PointBlock;
+use crate::source::{PointBlock, Reading};
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, TryLockError};
@@ -33,6 +35,7 @@ pub struct Budget {
 /// All sections while points arrive.
 pub struct Bins {
     surface: Surface,
+    reading: Reading,
     /// Read-locked while a block is binned; write-locked to coarsen.
     grid: RwLock<Grid>,
     sections: Mutex<HashMap<SectionKey, Shared>>,
@@ -91,6 +94,7 @@ impl Bins {
     pub fn new(surface: Surface, grid: Grid, core: Core, budget: Budget) -> Bins {
         Bins {
             surface,
+            reading: Reading::default(),
             grid: RwLock::new(grid),
             sections: Mutex::default(),
             strays: Mutex::default(),
@@ -100,6 +104,16 @@ impl Bins {
             device_bytes: AtomicU64::new(0),
             outside: AtomicU64::new(0),
         }
+    }
+
+    /// The same, of points as `reading` has them.
+    pub fn with_reading(self, reading: Reading) -> Bins {
+        Bins { reading, ..self }
+    }
+
+    /// Which points take part, and what their records hold.
+    pub fn reading(&self) -> &Reading {
+        &self.reading
     }
 
     fn read_grid(&self) -> RwLockReadGuard<'_, Grid> {
@@ -202,20 +216,6 @@ impl Bins {
     }
 }
 
-/// What a file's points mean: set once a file.
-pub trait Meaning {
-    /// World coordinates of point `i` of `block`, CRS units.
-    fn world(&self, block: &PointBlock, i: usize) -> glam::DVec3;
-    /// Its colour in 8 bits.
-    fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3];
-    /// [`Meaning::world`] of the points from `first` on, axis by axis.
-    fn world_of_many(&self, block: &PointBlock, first: usize, [e, n, u]: [&mut [f64]; 3]) {
-        for (k, ((e, n), u)) in e.iter_mut().zip(n).zip(u).enumerate() {
-            (*e, *n, *u) = self.world(block, first + k).into();
-        }
-    }
-}
-
 /// Points that are placed at a time.
 const BATCH: usize = 128;
 
@@ -239,6 +239,7 @@ pub struct Binner {
     /// Start of each section's runs in `order`.
     starts: Vec<u32>,
     order: Vec<Run>,
+    selector: Selector,
 }
 
 /// Record of point `i` of `block`.
@@ -255,8 +256,14 @@ fn record(meaning: &impl Meaning, block: &PointBlock, i: usize, height: Height) 
 }
 
 impl Binner {
-    /// Puts the points of `block` into their columns. O(points).
+    /// Puts those points of `block` that take part into their columns. O(points).
     pub fn bin(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
+        let mut selector = std::mem::take(&mut self.selector);
+        self.bin_selected(bins, meaning, selector.apply(&bins.reading, meaning, block));
+        self.selector = selector;
+    }
+
+    fn bin_selected(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
         let mut first = 0;
         while first < block.len() {
             let grid = bins.read_grid();

@@ -1,8 +1,9 @@
-//! What colours are chosen by: the attributes of the points that are shown by default.
+//! What colours are chosen by: the attributes of the points that are asked for.
 
 use super::quantile::quantile;
 use super::seen::Seen;
-use crate::attribute::{AttributeSummary, Spread};
+use crate::attribute::{AttributeSummary, Spread, TimeScale};
+use std::collections::BTreeMap;
 
 /// A point that is shown by default, and how many it stands for.
 pub(super) struct Shown<'a> {
@@ -21,11 +22,20 @@ pub(super) fn summarise(shown: &[Shown], has_rgb: bool) -> AttributeSummary {
     let total = |keep: &dyn Fn(&Shown) -> bool| {
         shown.iter().filter(|point| keep(point)).map(|point| point.weight).sum::<f64>().round() as u64
     };
+    let mut source_ids: BTreeMap<u16, f64> = BTreeMap::new();
+    for point in shown {
+        *source_ids.entry(point.seen.source_id).or_default() += point.weight;
+    }
+    let angle = |point: &Shown| (f64::from(point.seen.scan_angle) * 0.006, point.weight);
     let first = shown.first().map_or([0; 3], |point| point.rgb);
     AttributeSummary {
         points: total(&|_| true),
         height: spread(shown.iter().map(|point| (point.u, point.weight))),
         intensity: spread(shown.iter().map(|point| (f64::from(point.seen.intensity), point.weight))),
+        source_ids: source_ids.into_iter().map(|(id, weight)| (id, (weight.round() as u64).max(1))).collect(),
+        scan_angle: spread(shown.iter().map(angle)),
+        times: None,
+        is_timed: shown.iter().all(|point| point.seen.gps_time.is_finite()),
         classes: counts(&classes),
         returns: counts(&returns),
         has_rgb,
@@ -39,6 +49,16 @@ pub(super) fn counts(weights: &[f64]) -> Box<[u64; 256]> {
     let count = |&weight: &f64| if weight > 0.0 { (weight.round() as u64).max(1) } else { 0 };
     let counts: Vec<u64> = weights.iter().map(count).collect();
     counts.into_boxed_slice().try_into().expect("one a class")
+}
+
+/// What times (with weights) are told apart by; `is_whole`: there are no others. `None`: there are none.
+pub(super) fn times(values: impl Iterator<Item = (f64, f64)>, is_whole: bool) -> Option<TimeScale> {
+    let mut values = values.filter(|(time, _)| time.is_finite()).peekable();
+    values.peek()?;
+    let Spread { min, max, .. } = spread(values);
+    // What was not seen reaches a little beyond.
+    let beyond = if is_whole { 0.0 } else { (max - min) / 64.0 };
+    Some(TimeScale { from: min - beyond, to: max + beyond })
 }
 
 /// Spread of (value, weight). Strays lie more than ten spans of percentiles 1-99 away; without a span

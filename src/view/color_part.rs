@@ -1,7 +1,7 @@
 //! The part of the panel about colours: the mode, its ramp and range, its legend.
 
 use super::data::DataAbout;
-use super::settings::{Scale, Settings, modes};
+use super::settings::{MORE_MODES, Scale, Settings, has_mode, modes};
 use super::widgets::{WEAK, swatch, weak};
 use crate::attribute::{ColorMode, ColorTable, Ramp, ReturnKind};
 use clap::ValueEnum;
@@ -84,6 +84,18 @@ fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), places: &mut Vec<(
     });
 }
 
+/// Modes in words that have no button.
+fn more_words(mode: ColorMode) -> &'static str {
+    match mode {
+        ColorMode::SourceId => "Source id (flight line)",
+        ColorMode::ScanAngle => "Scan angle",
+        _ => "GPS time",
+    }
+}
+
+/// Point source ids that are listed, those with most points.
+const MOST_SOURCES: usize = 12;
+
 /// The part. `places`: where what can be clicked lies, by names.
 pub fn show(
     ui: &mut Ui,
@@ -101,11 +113,24 @@ pub fn show(
                 ColorMode::Class => "Class",
                 ColorMode::Intensity => "Intensity",
                 ColorMode::Return => "Return",
+                ColorMode::SourceId | ColorMode::ScanAngle | ColorMode::GpsTime => continue,
             };
             let choice = ui.selectable_value(&mut settings.color, mode, words);
             places.push((format!("mode {}", mode.name()), choice.rect.center()));
         }
+        let more = ui.menu_button("…", |ui| {
+            for mode in MORE_MODES.into_iter().filter(|mode| has_mode(about, *mode)) {
+                let choice = ui.selectable_value(&mut settings.color, mode, more_words(mode));
+                places.push((format!("mode {}", mode.name()), choice.rect.center()));
+            }
+        });
+        let more =
+            more.response.on_hover_text("flight lines, scan angles, times: points are read again for them");
+        places.push(("more modes".to_owned(), more.rect.center()));
     });
+    if MORE_MODES.contains(&settings.color) {
+        ui.label(more_words(settings.color));
+    }
     let Some(table) = colors else { return };
     if let Some(constant) = &table.constant {
         ui.label(weak(constant));
@@ -113,7 +138,12 @@ pub fn show(
     }
     match (table.mode, table.range) {
         (mode, Some(range)) => {
-            legend(ui, table, range, if mode == ColorMode::Height { unit } else { "" });
+            let unit = match &table.channel {
+                Some(channel) => channel.unit(),
+                None if mode == ColorMode::Height => unit,
+                None => "",
+            };
+            legend(ui, table, range, unit);
             if let Some(scale) = settings.scale_mut() {
                 choices(ui, scale, range, places);
             }
@@ -125,6 +155,22 @@ pub fn show(
                     ui.label(kind.name());
                 });
             }
+        }
+        (ColorMode::SourceId, None) => {
+            let mut ids = about.map_or(Vec::new(), |about| about.summary.source_ids.clone());
+            let others = ids.len().saturating_sub(MOST_SOURCES);
+            ids.sort_by_key(|(id, points)| (std::cmp::Reverse(*points), *id));
+            ids.truncate(MOST_SOURCES);
+            ids.sort_unstable();
+            ui.horizontal_wrapped(|ui| {
+                for (id, _) in ids {
+                    swatch(ui, table.of_channel(id));
+                    ui.label(id.to_string());
+                }
+                if others > 0 {
+                    ui.label(weak(format!("and {others} more")));
+                }
+            });
         }
         (ColorMode::Class, None) => {
             ui.label(weak("the colours of the list of classes"));

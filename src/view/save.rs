@@ -126,6 +126,7 @@ fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     if let Some((name, list)) = classes(settings.visibility.classes, &present) {
         options.push((name, text(list)));
     }
+    options.extend(settings.selection.options().into_iter().map(|(name, value)| (name, text(value))));
     if settings.z_scale != 1.0 {
         options.push(("z-scale", OptionValue::Number(settings.z_scale)));
     }

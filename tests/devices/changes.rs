@@ -15,6 +15,7 @@ use lasray::render::image::Image;
 use lasray::resident::pool::Access;
 use lasray::section::Surface;
 use lasray::source::LidarFile;
+use lasray::source::Selection;
 use lasray::source::learned::Cache;
 use lasray::source::placement::{Placement, PlacementOptions, Treatment};
 use lasray::view;
@@ -45,6 +46,8 @@ impl Seen {
             host_bytes: 1 << 30,
             device_bytes: 1 << 28,
             visibility: BRIDGED(),
+            selection: Selection::default(),
+            color: None,
             cache,
         };
         let inputs = paths.iter().map(|path| path.clone().into_os_string()).collect();

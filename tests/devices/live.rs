@@ -9,6 +9,7 @@ use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
 use lasray::coords::{Bounds, Grid, LowSurface, SectionKey};
 use lasray::gpu::Gpu;
 use lasray::ingest::bins::Budget;
+use lasray::ingest::builds::Made;
 use lasray::load::{self, LoadOptions, Opening};
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
@@ -110,10 +111,11 @@ impl World {
     }
 
     pub fn of(gpu: &Gpu, opening: Opening, means: Means, access: Access, visibility: Visibility) -> World {
-        let Opening { inputs, grid, core, about } = opening;
+        let Opening { inputs, grid, core, about, reading } = opening;
         let placement = inputs[0].input.placement.clone();
+        let made = Made { surface: Surface::Columns, reading };
         World {
-            live: Live::new(inputs, Surface::Columns, grid, core, means.host_bytes, means.threads, || ()),
+            live: Live::new(inputs, made, grid, core, means.host_bytes, means.threads, || ()),
             scene: Scene::new(gpu, |order| order, access, means.device_bytes, visibility, grid).unwrap(),
             grid,
             bounds: about.bounds,

@@ -54,7 +54,8 @@ fn srgb(colors: &ColorTable, column: &Column) -> [f64; 3] {
         ColorMode::Rgb => return column.rgb.map(|v| f64::from(v) / 255.0),
         ColorMode::Height => (column.height_steps + (1 << 31)) as u32,
         ColorMode::Class => column.class.into(),
-        ColorMode::Intensity => column.intensity.into(),
+        ColorMode::Intensity | ColorMode::ScanAngle | ColorMode::GpsTime => column.intensity.into(),
+        ColorMode::SourceId => (u32::from(column.intensity) + column.intensity as u32 / 256 * 37) % 256,
         ColorMode::Return => column.returns.into(),
     };
     let entry = (f64::from(value.saturating_sub(colors.lo)) * f64::from(colors.scale)).min(255.0);
