@@ -681,7 +681,11 @@ pub fn tiles_of(
     }
     let summary = AttributeSummary {
         source_ids: source_ids.into_iter().collect(),
-        scan_angle: Spread::of(angles),
+        scan_angle: Spread::of(angles.into_iter().map(|angle| (angle, 1.0))),
+        // Evenly, as they are flown.
+        time: Spread::of(times.iter().flat_map(|times| {
+            (0..=100).map(|k| (times.from + (times.to - times.from) * f64::from(k) / 100.0, 1.0))
+        })),
         times,
         is_timed: true,
         ..attributes.summary(&grid)

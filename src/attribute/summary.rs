@@ -1,39 +1,69 @@
 //! What a sample of points says of their attributes: the spread of values, and which occur.
 
 use super::channel::TimeScale;
+use super::mode::ColorMode;
 use super::record::Attributes;
 use crate::coords::Grid;
 
+/// Quantiles that are kept, in steps of a thousandth.
+const QUANTILES: usize = 1001;
+
 /// How a value is spread over a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Spread {
     /// Lowest value, strays left out (more than ten spans of percentiles 1-99 away).
     pub min: f64,
     /// Highest value, strays left out.
     pub max: f64,
-    /// Percentile 2.
-    pub p2: f64,
-    /// Percentile 98.
-    pub p98: f64,
+    /// Values that so many thousandths are at or below, strays left out; empty where there are no values.
+    quantiles: Vec<f64>,
 }
 
 impl Spread {
-    /// Of `values` in any order; zeros when there are none.
-    pub fn of(mut values: Vec<f64>) -> Spread {
-        values.sort_unstable_by(f64::total_cmp);
-        let Some(last) = values.len().checked_sub(1) else { return Spread::default() };
-        let percentile = |p: f64| values[(p / 100.0 * last as f64).round() as usize];
-        let (p1, p99) = (percentile(1.0), percentile(99.0));
+    /// Of values and their weights, in any order; what is not finite is left out. Zeros when there are none.
+    pub fn of(values: impl Iterator<Item = (f64, f64)>) -> Spread {
+        let mut values: Vec<(f64, f64)> = values.filter(|(value, _)| value.is_finite()).collect();
+        values.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let total: f64 = values.iter().map(|(_, weight)| weight).sum();
+        let (mut quantiles, mut below) = (Vec::with_capacity(QUANTILES), 0.0);
+        let Some(&(last, _)) = values.last() else { return Spread::default() };
+        for (value, weight) in &values {
+            below += weight;
+            while quantiles.len() < QUANTILES
+                && below >= quantiles.len() as f64 / (QUANTILES - 1) as f64 * total
+            {
+                quantiles.push(*value);
+            }
+        }
+        // What rounding has left.
+        quantiles.resize(QUANTILES, last);
+        let [p1, p99] = [quantiles[10], quantiles[990]];
         // With p1 = p99 nothing tells a stray from a roof: all values count.
         let reach = if p99 > p1 { 10.0 * (p99 - p1) } else { f64::INFINITY };
-        let near: Vec<f64> =
-            values.iter().copied().filter(|&v| v >= p1 - reach && v <= p99 + reach).collect();
-        Spread { min: near[0], max: near[near.len() - 1], p2: percentile(2.0), p98: percentile(98.0) }
+        let is_near = |value: &f64| (p1 - reach..=p99 + reach).contains(value);
+        let near = || values.iter().map(|(value, _)| *value).filter(is_near);
+        let (min, max) = (near().next().unwrap_or(p1), near().next_back().unwrap_or(p99));
+        quantiles.iter_mut().for_each(|value| *value = value.clamp(min, max));
+        Spread { min, max, quantiles }
+    }
+
+    /// The value that `percent` of a hundred are at or below; 0: the lowest, 100: the highest, strays left out.
+    pub fn percentile(&self, percent: f64) -> f64 {
+        let Some(last) = self.quantiles.len().checked_sub(1) else { return 0.0 };
+        if percent >= 100.0 {
+            return self.max;
+        }
+        let at = (percent.max(0.0) * 10.0).min(last as f64);
+        // Steps of a thousandth are met, however they were typed.
+        let at = if (at - at.round()).abs() < 1e-9 { at.round() } else { at };
+        let (below, above) = (self.quantiles[at as usize], self.quantiles[(at as usize + 1).min(last)]);
+        below + (above - below) * at.fract()
     }
 
     /// Percentiles 2 to 98, or lowest to highest where those are equal.
     pub(super) fn middle(&self) -> (f64, f64) {
-        if self.p2 < self.p98 { (self.p2, self.p98) } else { (self.min, self.max) }
+        let (low, high) = (self.percentile(2.0), self.percentile(98.0));
+        if low < high { (low, high) } else { (self.min, self.max) }
     }
 }
 
@@ -62,10 +92,11 @@ impl AttributeSample {
             points: p.len() as u64,
             source_ids: Vec::new(),
             scan_angle: Spread::default(),
+            time: Spread::default(),
             times: None,
             is_timed: false,
-            height: Spread::of(p.iter().map(|a| grid.units(a.height)).collect()),
-            intensity: Spread::of(p.iter().map(|a| f64::from(a.intensity)).collect()),
+            height: Spread::of(p.iter().map(|a| (grid.units(a.height), 1.0))),
+            intensity: Spread::of(p.iter().map(|a| (f64::from(a.intensity), 1.0))),
             classes,
             returns,
             has_rgb: true,
@@ -88,6 +119,8 @@ pub struct AttributeSummary {
     pub source_ids: Vec<(u16, u64)>,
     /// Degrees from the nadir.
     pub scan_angle: Spread,
+    /// GPS time, seconds as stored.
+    pub time: Spread,
     /// What GPS times are told apart by: those of all points, asked for or not; `None`: there are none.
     pub times: Option<TimeScale>,
     /// Every point has a GPS time.
@@ -102,6 +135,19 @@ pub struct AttributeSummary {
     pub colored: u64,
     /// The one RGB of all points, if there is one.
     pub rgb_constant: Option<[u8; 3]>,
+}
+
+impl AttributeSummary {
+    /// How what a ramp is of is spread; `None`: the mode has none.
+    pub fn spread(&self, mode: ColorMode) -> Option<&Spread> {
+        match mode {
+            ColorMode::Height => Some(&self.height),
+            ColorMode::Intensity => Some(&self.intensity),
+            ColorMode::ScanAngle => Some(&self.scan_angle),
+            ColorMode::GpsTime => Some(&self.time),
+            ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId => None,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -125,6 +171,23 @@ pub(super) mod tests {
         let stray = point(180_000 * 1024, 2, 5, [0; 3]);
         let (a, b) = (summary(clean.clone()), summary(clean.into_iter().chain([stray])));
         assert_eq!((a.height.min, a.height.max), (b.height.min, b.height.max));
-        assert!((a.height.p98 - b.height.p98).abs() < 0.02);
+        assert!((a.height.percentile(98.0) - b.height.percentile(98.0)).abs() < 0.02);
+    }
+
+    #[test]
+    fn percentiles_lie_between_values_and_end_where_strays_begin() {
+        let spread = Spread::of((0..=1000).rev().map(|k| (f64::from(k), 1.0)));
+        for (percent, value) in
+            [(0.0, 0.0), (0.1, 1.0), (2.0, 20.0), (33.3, 333.0), (98.0, 980.0), (100.0, 1000.0)]
+        {
+            assert_eq!(spread.percentile(percent), value, "{percent}");
+        }
+        assert!((spread.percentile(99.95) - 999.5).abs() < 1e-6);
+        // Weights count, order does not.
+        let weighted = Spread::of([(7.0, 1.0), (5.0, 3.0), (f64::NAN, 9.0)].into_iter());
+        assert_eq!([74.0, 76.0].map(|p| weighted.percentile(p)), [5.0, 7.0]);
+        let strays = Spread::of((0..1000).map(|k| (f64::from(k), 1.0)).chain([(1e9, 1.0)]));
+        assert_eq!((strays.max, strays.percentile(100.0)), (999.0, 999.0));
+        assert_eq!(Spread::of(std::iter::empty()).percentile(50.0), 0.0);
     }
 }

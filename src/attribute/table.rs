@@ -5,6 +5,7 @@ use super::class::{class_color, class_name};
 use super::mode::ColorMode;
 use super::oklab::{even_path, oklab_to_srgb};
 use super::ramp::Ramp;
+use super::range::ColorRange;
 use super::record::{Record, bias};
 use super::returns::ReturnKind;
 use super::summary::{AttributeSummary, Spread};
@@ -14,12 +15,16 @@ use crate::text::tidy;
 /// What cannot be coloured as asked.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum AttributeError {
-    /// Bounds of a range in the wrong order, equal, or not finite.
-    #[error("colour range {lo},{hi}: both must be finite and the first lower than the second")]
+    /// Ends of a range in the wrong order, equal, or not finite, as they are in the data.
+    #[error(
+        "colour range {asked}: it is from {lo} to {hi} here, and both must be finite and the first lower than the second"
+    )]
     Range {
-        /// Lower bound asked for.
+        /// What was asked for.
+        asked: ColorRange,
+        /// Lower end in the data.
         lo: f64,
-        /// Upper bound asked for.
+        /// Higher end in the data.
         hi: f64,
     },
 }
@@ -56,21 +61,25 @@ pub struct ColorTable {
 
 impl ColorTable {
     /// The table of `mode` for the data that `sample` stands for. `ramp`: default relief for heights,
-    /// grey for intensity. `range` (CRS units for heights): default percentiles 2 to 98, for the thesis
+    /// grey for intensity. `range`: default percentiles 2 to 98, for the thesis
     /// ramp lowest to highest. `grid`: whose lattice heights are on.
     pub fn new(
         mode: ColorMode,
         sample: &AttributeSummary,
         grid: &Grid,
         ramp: Option<Ramp>,
-        range: Option<(f64, f64)>,
+        range: Option<ColorRange>,
     ) -> Result<ColorTable, AttributeError> {
-        if let Some((lo, hi)) = range
-            && !(lo < hi && lo.is_finite() && hi.is_finite())
-        {
-            return Err(AttributeError::Range { lo, hi });
-        }
         let channel = mode.channel(sample);
+        let spread = sample.spread(mode);
+        let is_constant = spread.is_none_or(|spread| spread.min >= spread.max);
+        // Of what is the same everywhere all percentiles are.
+        let range = range.filter(|range| !(is_constant && range.is_relative()));
+        let range = match (range, spread) {
+            (Some(asked), Some(spread)) => Some(in_data(asked, spread)?),
+            (Some(asked), None) => Some(in_data(asked, &Spread::default())?),
+            (None, _) => None,
+        };
         let direct = |color: fn(u8) -> [u8; 3]| ColorTable {
             mode,
             channel,
@@ -223,6 +232,17 @@ fn diverging(t: f64) -> [f64; 3] {
     oklab_to_srgb(even_path(&STOPS, t)).map(|v| v.clamp(0.0, 1.0))
 }
 
+/// The values that `asked` stands for in data that are spread like that. Errors: not from a lower to a higher one.
+fn in_data(asked: ColorRange, spread: &Spread) -> Result<(f64, f64), AttributeError> {
+    let [lo, hi] = [asked.low, asked.high].map(|end| end.value(spread));
+    match lo < hi && lo.is_finite() && hi.is_finite() {
+        true => Ok((lo, hi)),
+        // Most of the points have one value: what is beside it is told apart.
+        false if lo == hi && asked.is_relative() => Ok((spread.min, spread.max)),
+        false => Err(AttributeError::Range { asked, lo, hi }),
+    }
+}
+
 /// Height in lattice steps → biased lattice height, held inside the lattice.
 fn biased_steps(steps: f64) -> u32 {
     bias(Height((steps.ceil() as i32).max(i32::MIN + 1)))
@@ -308,12 +328,23 @@ mod tests {
         let data = summary((0..=100).map(|k| point(k * 1024, 2, k as u16, [0; 3])));
         let table = |range| ColorTable::new(ColorMode::Height, &data, &GRID, Some(Ramp::Grey), range);
         assert_eq!(table(None).unwrap().range, Some((2.0, 98.0)));
-        let given = table(Some((10.0, 20.0))).unwrap();
+        assert_eq!(table(Some("10%..90%".parse().unwrap())).unwrap().range, Some((10.0, 90.0)));
+        assert_eq!(table(Some("-5..100%".parse().unwrap())).unwrap().range, Some((-5.0, 100.0)));
+        let given = table(Some(ColorRange::of(10.0, 20.0))).unwrap();
         let grey = |u: i32| given.color(Record::pack(point(u * 1024, 2, 0, [0; 3])))[0];
         assert!((grey(15) - 0.55).abs() < 1e-4 && grey(9) == 0.12 && (grey(21) - 0.98).abs() < 1e-6);
         for bad in [(1.0, 1.0), (2.0, 1.0), (f64::NAN, 1.0), (0.0, f64::INFINITY)] {
-            assert!(matches!(table(Some(bad)), Err(AttributeError::Range { .. })));
+            assert!(matches!(table(Some(ColorRange::of(bad.0, bad.1))), Err(AttributeError::Range { .. })));
         }
+        let above_all = table(Some("200..98%".parse().unwrap())).unwrap_err().to_string();
+        assert!(above_all.starts_with("colour range 200..98%: it is from 200 to 98 here"), "{above_all}");
+        // Of data that are the same nearly everywhere, and everywhere.
+        let relative = || Some("2%..98%".parse().unwrap());
+        let nearly = summary((0..500).map(|k| point(if k == 0 { 4096 } else { 0 }, 2, 0, [0; 3])));
+        let table = |data| ColorTable::new(ColorMode::Height, data, &GRID, None, relative()).unwrap();
+        assert_eq!(table(&nearly).range, Some((0.0, 4.0)));
+        let flat = table(&summary((0..50).map(|_| point(1024, 2, 0, [0; 3]))));
+        assert_eq!((flat.range, flat.constant.is_some()), (None, true));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Values of arguments that several commands take: how they are typed, and which are allowed.
 
-use crate::attribute::{ColorMode, class_names, classes_named};
+use crate::attribute::{ColorMode, ColorRange, RangeError, class_names, classes_named};
 use crate::source::length::Length;
 use crate::source::{Interval, Returns, Selection, SourceIds};
 use glam::DVec3;
@@ -176,12 +176,8 @@ pub(super) fn orbit(text: &str) -> Result<Orbit, String> {
     }
 }
 
-pub(super) fn range(text: &str) -> Result<(f64, f64), String> {
-    match numbers(text)?[..] {
-        [lo, hi] if lo < hi => Ok((lo, hi)),
-        [lo, hi] => Err(format!("{lo} is not below {hi}")),
-        _ => Err(format!("'{text}' is not LO,HI")),
-    }
+pub(super) fn range(text: &str) -> Result<ColorRange, RangeError> {
+    text.parse()
 }
 
 /// `1280x720`.

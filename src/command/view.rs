@@ -5,7 +5,7 @@ use super::placement::PlacementArgs;
 use super::saved::{self, SavedWords};
 use super::targets::check_targets;
 use super::values::{self, Cell, ClassList, Color, Orbit, Place, SelectionArgs};
-use crate::attribute::{ClassMask, Ramp};
+use crate::attribute::{ClassMask, ColorRange, Ramp};
 use crate::gpu::{GpuError, GpuOptions};
 use crate::load::LoadError;
 use crate::output::{Protected, Target};
@@ -44,9 +44,9 @@ pub struct Args {
     /// Colour ramp of heights, intensities, scan angles and times
     #[arg(long, value_enum, help_heading = "Picture")]
     ramp: Option<Ramp>,
-    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98; of scan angles and times all]
-    #[arg(long, value_parser = values::range, allow_hyphen_values = true, help_heading = "Picture", value_name = "LO,HI")]
-    range: Option<(f64, f64)>,
+    /// Values at the ramp's ends, or percentiles of what the data have: 180..260, 2%..98% or 0..98% [default: 2%..98%]
+    #[arg(long, value_parser = values::range, allow_hyphen_values = true, help_heading = "Picture", value_name = "A..B")]
+    range: Option<ColorRange>,
     /// Light, or plain colours
     #[arg(long, value_enum, default_value = "lit", help_heading = "Picture")]
     shade: Shade,

@@ -3,11 +3,12 @@
 use super::data::DataAbout;
 use super::settings::{MORE_MODES, Scale, Settings, has_mode, modes};
 use super::widgets::{WEAK, swatch, weak};
-use crate::attribute::{ColorMode, ColorTable, Ramp, ReturnKind};
+use crate::attribute::{ColorMode, ColorRange, ColorTable, Ramp, RangeEnd, ReturnKind, Spread};
 use clap::ValueEnum;
 use egui::{
     Align, Align2, Button, ComboBox, DragValue, FontId, Layout, Mesh, Pos2, Sense, Shape, Ui, pos2, vec2,
 };
+use std::cell::Cell;
 
 const RETURNS: [ReturnKind; 5] =
     [ReturnKind::Single, ReturnKind::First, ReturnKind::Intermediate, ReturnKind::Last, ReturnKind::Unknown];
@@ -41,8 +42,13 @@ fn legend(ui: &mut Ui, table: &ColorTable, (low, high): (f64, f64), unit: &str) 
     }
 }
 
-/// Chooses the ramp and the values at its ends.
-fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), places: &mut Vec<(String, Pos2)>) {
+/// Chooses the ramp and the values at its ends, of what is spread like `spread`.
+fn choices(
+    ui: &mut Ui,
+    scale: &mut Scale,
+    (shown, spread): ((f64, f64), &Spread),
+    places: &mut Vec<(String, Pos2)>,
+) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let name = scale.ramp.map_or("usual ramp".to_owned(), Ramp::name);
@@ -54,23 +60,48 @@ fn choices(ui: &mut Ui, scale: &mut Scale, shown: (f64, f64), places: &mut Vec<(
             }
         });
         places.push(("ramps".to_owned(), ramps.response.rect.center()));
-        let (mut low, mut high) = shown;
+        let (low, high) = shown;
         let step = ((high - low) / 200.0).max(1e-3);
         let digits = (3.0 - (high - low).log10().floor()).clamp(1.0, 4.0) as usize;
-        let mut value = |ui: &mut Ui, value: &mut f64, name: &str| {
-            let before = *value;
-            let edit = DragValue::new(value).speed(step).max_decimals(digits).update_while_editing(false);
-            let edit = ui.add_sized(vec2(54.0, 18.0), edit).on_hover_text(format!("{name} end of the ramp"));
+        // The end that was chosen.
+        let mut end = |ui: &mut Ui, before: f64, asked: Option<RangeEnd>, name: &str| {
+            let mut value = before;
+            let typed = Cell::new(None);
+            let parse = |text: &str| {
+                let end = text.parse::<RangeEnd>().ok();
+                typed.set(end);
+                end.map(|end| end.value(spread))
+            };
+            let edit = DragValue::new(&mut value)
+                .speed(step)
+                .max_decimals(digits)
+                .update_while_editing(false)
+                .custom_parser(parse);
+            let what = match asked {
+                Some(percentile @ RangeEnd::Percentile(_)) => format!(", {percentile} of the points"),
+                _ => String::new(),
+            };
+            let edit = ui.add_sized(vec2(54.0, 18.0), edit);
+            let edit = edit
+                .on_hover_text(format!("{name} end of the ramp{what}: a value, or a percentile such as 2%"));
             places.push((format!("range {name}"), edit.rect.center()));
             if edit.has_focus() {
                 places.push((format!("typing range {name}"), edit.rect.center()));
             }
             // What is left as it was shown is left as it was, with all its digits.
-            edit.changed() && (*value - before).abs() > 0.51 * 0.1_f64.powi(digits as i32)
+            let is_other = (value - before).abs() > 0.51 * 0.1_f64.powi(digits as i32);
+            let percentile = typed.get().filter(|end| matches!(end, RangeEnd::Percentile(_)));
+            percentile.or((edit.changed() && is_other).then_some(RangeEnd::Value(value)))
         };
-        let is_changed = value(ui, &mut low, "low") | value(ui, &mut high, "high");
-        if is_changed && low < high {
-            scale.range = Some((low, high));
+        let asked = scale.range.map(|range| [range.low, range.high]);
+        let new_low = end(ui, low, asked.map(|[low, _]| low), "low");
+        let new_high = end(ui, high, asked.map(|[_, high]| high), "high");
+        if new_low.is_some() || new_high.is_some() {
+            let [was_low, was_high] = asked.unwrap_or([low, high].map(RangeEnd::Value));
+            let range = ColorRange { low: new_low.unwrap_or(was_low), high: new_high.unwrap_or(was_high) };
+            if range.low.value(spread) < range.high.value(spread) {
+                scale.range = Some(range);
+            }
         }
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             let is_chosen = *scale != Scale::default();
@@ -144,8 +175,9 @@ pub fn show(
                 None => "",
             };
             legend(ui, table, range, unit);
-            if let Some(scale) = settings.scale_mut() {
-                choices(ui, scale, range, places);
+            let spread = about.and_then(|about| about.summary.spread(mode));
+            if let (Some(scale), Some(spread)) = (settings.scale_mut(), spread) {
+                choices(ui, scale, (range, spread), places);
             }
         }
         (ColorMode::Return, None) => {

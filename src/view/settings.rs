@@ -1,7 +1,7 @@
 //! What the user has chosen to see, and the view of the data that follows from it.
 
 use super::data::{Data, DataAbout};
-use crate::attribute::{ColorMode, ColorTable, Ramp, TimeScale};
+use crate::attribute::{ColorMode, ColorRange, ColorTable, Ramp, TimeScale};
 use crate::render::camera::{Camera, Projection};
 use crate::render::frame::{Background, Shade, Traversal, View};
 use crate::resident::visibility::Visibility;
@@ -25,7 +25,7 @@ pub struct Scale {
     /// `None`: that of the mode.
     pub ramp: Option<Ramp>,
     /// Values at the ramp's ends; `None`: chosen from the data.
-    pub range: Option<(f64, f64)>,
+    pub range: Option<ColorRange>,
 }
 
 /// What the user has chosen to see.

@@ -1,6 +1,6 @@
 //! The command line of `lasray render`.
 
-use crate::attribute::{ClassMask, Ramp};
+use crate::attribute::{ClassMask, ColorRange, Ramp};
 use crate::command::placement::PlacementArgs;
 use crate::command::values::{
     self, Cell, ClassList, Color, Orbit, Ortho, Place, SelectionArgs, bytes, cell, classes, color, detail,
@@ -102,9 +102,9 @@ pub struct Args {
     /// Colour ramp of heights, intensities, scan angles and times
     #[arg(long, value_enum, help_heading = "Colour")]
     pub(super) ramp: Option<Ramp>,
-    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98; of scan angles and times all]
-    #[arg(long, value_parser = range, allow_hyphen_values = true, help_heading = "Colour", value_name = "LO,HI")]
-    pub(super) range: Option<(f64, f64)>,
+    /// Values at the ramp's ends, or percentiles of what the data have: 180..260, 2%..98% or 0..98% [default: 2%..98%]
+    #[arg(long, value_parser = range, allow_hyphen_values = true, help_heading = "Colour", value_name = "A..B")]
+    pub(super) range: Option<ColorRange>,
     /// Bits of the RGB fields, where the choice from the data is wrong
     #[arg(long, value_parser = ["8", "16"], help_heading = "Colour")]
     pub(super) rgb_bits: Option<String>,
