@@ -324,6 +324,8 @@ group! { passes:
     COLOR_RETURNS = 4;
     /// What the channel of a record holds, by a palette.
     COLOR_PALETTE = 5;
+    /// What the channel of a record holds, by a ramp; 0 is nothing, and grey.
+    COLOR_KNOWN = 6;
     /// Frame's `background`: none, transparent.
     BACKGROUND_NONE = 0;
     /// White.

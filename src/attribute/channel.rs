@@ -20,6 +20,22 @@ pub struct TimeScale {
     pub to: f64,
 }
 
+/// Lengths that are told apart in 16 bits: heights above the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AboveScale {
+    /// CRS units between two codes.
+    pub unit: f64,
+    /// What stands on the ground is no wider, CRS units, where no class tells what is ground.
+    pub reach: f64,
+}
+
+/// Steps of 16 bits; a power of two, so that they are the same wherever they are counted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Steps {
+    /// Between two codes: CRS units, or points in a square one.
+    pub unit: f64,
+}
+
 /// What 16 bits of a record hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Channel {
@@ -32,6 +48,12 @@ pub enum Channel {
     ScanAngle,
     /// GPS time, in steps of its scale.
     GpsTime(TimeScale),
+    /// How far the record is above the ground below it; on it or below it: 0.
+    AboveGround(AboveScale),
+    /// Points in a square unit, of the square of cells around. 0: none is counted.
+    Density(Steps),
+    /// How far flight lines are apart about there, one more; 0: no more than one has seen it.
+    LineDifference(Steps),
 }
 
 impl TimeScale {
@@ -60,15 +82,20 @@ impl Channel {
             Channel::SourceId => "source id",
             Channel::ScanAngle => "scan angle",
             Channel::GpsTime(_) => "GPS time",
+            Channel::AboveGround(_) => "height above ground",
+            Channel::Density(_) => "point density",
+            Channel::LineDifference(_) => "line difference",
         }
     }
 
-    /// Unit of its values; empty: they are numbers.
-    pub fn unit(&self) -> &'static str {
+    /// Unit of its values, where lengths are in `length` (its symbol); empty: they are numbers.
+    pub fn unit(&self, length: Option<&str>) -> String {
         match self {
-            Channel::Intensity | Channel::SourceId => "",
-            Channel::ScanAngle => "°",
-            Channel::GpsTime(_) => "s",
+            Channel::Intensity | Channel::SourceId => String::new(),
+            Channel::ScanAngle => "°".to_owned(),
+            Channel::GpsTime(_) => "s".to_owned(),
+            Channel::AboveGround(_) | Channel::LineDifference(_) => length.unwrap_or_default().to_owned(),
+            Channel::Density(_) => length.map_or("a square unit".to_owned(), |length| format!("/{length}²")),
         }
     }
 
@@ -81,6 +108,11 @@ impl Channel {
                 ((value * ANGLE_STEPS).round() as i32).saturating_add(LEVEL).clamp(0, 65_535) as u16
             }
             Channel::GpsTime(scale) => scale.code(value),
+            // What is not a number is 0.
+            Channel::AboveGround(AboveScale { unit, .. }) => (value / unit).round() as u16,
+            Channel::Density(Steps { unit }) if value > 0.0 => (value / unit).round().max(1.0) as u16,
+            Channel::Density(_) => 0,
+            Channel::LineDifference(Steps { unit }) => ((value / unit).round() as u16).saturating_add(1),
         }
     }
 
@@ -93,6 +125,9 @@ impl Channel {
                 let steps = code.checked_sub(FIRST_TIME)?;
                 Some(scale.from + f64::from(steps) * scale.step())
             }
+            Channel::AboveGround(AboveScale { unit, .. }) => Some(f64::from(code) * unit),
+            Channel::Density(Steps { unit }) => (code > 0).then(|| f64::from(code) * unit),
+            Channel::LineDifference(Steps { unit }) => Some(f64::from(code.checked_sub(1)?) * unit),
         }
     }
 
@@ -102,17 +137,31 @@ impl Channel {
         (i32::from(steps) + LEVEL) as u16
     }
 
-    /// A value in words, as exact as it is known.
-    pub fn words(&self, code: u16) -> String {
-        let Some(value) = self.value(code) else { return format!("no {}", self.name()) };
+    /// A value in words, as exact as it is known; `length` as in [`Channel::unit`].
+    pub fn words(&self, code: u16, length: Option<&str>) -> String {
+        let Some(value) = self.value(code) else {
+            return match self {
+                Channel::LineDifference(_) => "seen by one flight line".to_owned(),
+                _ => format!("no {}", self.name()),
+            };
+        };
         let digits = match self {
             Channel::Intensity | Channel::SourceId => 0,
             Channel::ScanAngle => 2,
-            Channel::GpsTime(scale) => (-scale.step().max(1e-6).log10()).ceil().clamp(0.0, 6.0) as usize,
+            Channel::GpsTime(scale) => digits_of(scale.step()),
+            Channel::AboveGround(AboveScale { unit, .. }) => digits_of(*unit).min(2),
+            Channel::Density(Steps { unit }) => digits_of(*unit).min(2),
+            Channel::LineDifference(Steps { unit }) => digits_of(*unit).min(3),
         };
-        let space = if self.unit() == "s" { " " } else { "" };
-        format!("{} {value:.digits$}{space}{}", self.name(), self.unit())
+        let unit = self.unit(length);
+        let space = if unit.starts_with(char::is_alphabetic) { " " } else { "" };
+        format!("{} {value:.digits$}{space}{unit}", self.name())
     }
+}
+
+/// Digits behind the point that tell steps apart.
+fn digits_of(step: f64) -> usize {
+    (-step.max(1e-6).log10()).ceil().clamp(0.0, 6.0) as usize
 }
 
 #[cfg(test)]
@@ -124,7 +173,14 @@ mod tests {
         #[test]
         fn values_come_back_from_their_codes(code in any::<u16>(), time in 0.0f64..1.0) {
             let scale = TimeScale { from: 3.0e8, to: 3.0e8 + 7200.0 };
-            for channel in [Channel::Intensity, Channel::SourceId, Channel::ScanAngle, Channel::GpsTime(scale)] {
+            let steps = Steps { unit: 0.0625 };
+            let measures = [
+                Channel::AboveGround(AboveScale { unit: 0.015625, reach: 30.0 }),
+                Channel::Density(steps),
+                Channel::LineDifference(steps),
+            ];
+            let stored = [Channel::Intensity, Channel::SourceId, Channel::ScanAngle, Channel::GpsTime(scale)];
+            for channel in stored.into_iter().chain(measures) {
                 if let Some(value) = channel.value(code) {
                     prop_assert_eq!(channel.code(value), code);
                 }
@@ -153,10 +209,27 @@ mod tests {
         assert_eq!(day.value(257), Some(100.0));
         // All at once.
         assert_eq!((of(5.0, 5.0).code(5.0), of(5.0, 5.0).value(257)), (257, Some(5.0)));
-        assert_eq!(day.words(257), "GPS time 100 s");
-        assert_eq!(day.words(3), "no GPS time");
-        assert_eq!(of(100.0, 160.0).words(257), "GPS time 100.0000 s");
-        assert_eq!(Channel::ScanAngle.words(Channel::of_angle(-2000)), "scan angle -12.00°");
-        assert_eq!(Channel::SourceId.words(17), "source id 17");
+        assert_eq!(day.words(257, None), "GPS time 100 s");
+        assert_eq!(day.words(3, None), "no GPS time");
+        assert_eq!(of(100.0, 160.0).words(257, None), "GPS time 100.0000 s");
+        assert_eq!(Channel::ScanAngle.words(Channel::of_angle(-2000), None), "scan angle -12.00°");
+        assert_eq!(Channel::SourceId.words(17, None), "source id 17");
+        let steps = Steps { unit: 0.0625 };
+        let (density, lines) = (Channel::Density(steps), Channel::LineDifference(steps));
+        assert_eq!(density.words(0, None), "no point density");
+        assert_eq!(density.words(164, Some("m")), "point density 10.25/m²");
+        assert_eq!(density.words(164, None), "point density 10.25 a square unit");
+        assert_eq!(lines.words(0, Some("m")), "seen by one flight line");
+        assert_eq!(lines.words(3, Some("ft")), "line difference 0.12 ft");
+        let above = Channel::AboveGround(AboveScale { unit: 0.015625, reach: 30.0 });
+        assert_eq!(
+            (above.words(0, Some("m")), above.words(3200, None)),
+            ("height above ground 0.00 m".to_owned(), "height above ground 50.00".to_owned())
+        );
+        assert_eq!(
+            [above.code(-3.0), above.code(1e9), density.code(0.0), density.code(1e-9)],
+            [0, 65_535, 0, 1]
+        );
+        assert_eq!([lines.code(0.0), lines.code(1e9)], [1, 65_535]);
     }
 }

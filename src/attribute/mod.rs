@@ -17,7 +17,7 @@ mod srgb;
 mod summary;
 mod table;
 
-pub use channel::{Channel, TimeScale};
+pub use channel::{AboveScale, Channel, Steps, TimeScale};
 pub use class::{ClassMask, Kinds, always_floats, class_color, class_name, is_always_solid, tells_nothing};
 pub use class_names::{class_names, class_numbers, classes_named};
 pub use counts::KindCounts;

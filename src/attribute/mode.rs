@@ -23,6 +23,12 @@ pub enum ColorMode {
     ScanAngle,
     /// GPS time, by a ramp.
     GpsTime,
+    /// Height above the ground, by a ramp.
+    HeightAboveGround,
+    /// Points in a square unit, by a ramp.
+    Density,
+    /// How far flight lines are apart, by a ramp.
+    LineDifference,
 }
 
 impl ColorMode {
@@ -37,6 +43,9 @@ impl ColorMode {
             ColorMode::SourceId => "source-id",
             ColorMode::ScanAngle => "scan-angle",
             ColorMode::GpsTime => "gps-time",
+            ColorMode::HeightAboveGround => "height-above-ground",
+            ColorMode::Density => "density",
+            ColorMode::LineDifference => "line-difference",
         }
     }
 
@@ -48,6 +57,9 @@ impl ColorMode {
             ColorMode::SourceId => Some(Channel::SourceId),
             ColorMode::ScanAngle => Some(Channel::ScanAngle),
             ColorMode::GpsTime => Some(Channel::GpsTime(sample.times.unwrap_or_default())),
+            ColorMode::HeightAboveGround => Some(Channel::AboveGround(sample.above_scale())),
+            ColorMode::Density => Some(Channel::Density(sample.density_steps())),
+            ColorMode::LineDifference => Some(Channel::LineDifference(sample.difference_steps())),
         }
     }
 

@@ -1,9 +1,13 @@
 //! What a sample of points says of their attributes: the spread of values, and which occur.
 
-use super::channel::TimeScale;
+use super::channel::{AboveScale, Steps, TimeScale};
 use super::mode::ColorMode;
 use super::record::Attributes;
 use crate::coords::Grid;
+
+/// Widest that stands on the ground, metres, where no class tells what is ground.
+const REACH: f64 = 30.0;
+const MILLIMETRE: f64 = 1.0 / 1024.0;
 
 /// Quantiles that are kept, in steps of a thousandth.
 const QUANTILES: usize = 1001;
@@ -92,6 +96,9 @@ impl AttributeSample {
             points: p.len() as u64,
             source_ids: Vec::new(),
             scan_angle: Spread::default(),
+            above: Spread::default(),
+            density: 0.0,
+            metre: 1.0,
             time: Spread::default(),
             times: None,
             is_timed: false,
@@ -119,6 +126,12 @@ pub struct AttributeSummary {
     pub source_ids: Vec<(u16, u64)>,
     /// Degrees from the nadir.
     pub scan_angle: Spread,
+    /// Above the low surface of the sample, CRS units: roughly above the ground.
+    pub above: Spread,
+    /// Points in a square unit, roughly; 0: unknown.
+    pub density: f64,
+    /// CRS units in a metre; 1 where that is not known.
+    pub metre: f64,
     /// GPS time, seconds as stored.
     pub time: Spread,
     /// What GPS times are told apart by: those of all points, asked for or not; `None`: there are none.
@@ -145,8 +158,37 @@ impl AttributeSummary {
             ColorMode::Intensity => Some(&self.intensity),
             ColorMode::ScanAngle => Some(&self.scan_angle),
             ColorMode::GpsTime => Some(&self.time),
-            ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId => None,
+            ColorMode::HeightAboveGround => Some(&self.above),
+            ColorMode::Rgb
+            | ColorMode::Class
+            | ColorMode::Return
+            | ColorMode::SourceId
+            | ColorMode::Density
+            | ColorMode::LineDifference => None,
         }
+    }
+
+    /// A power of two of CRS units, of which 60,000 are all heights.
+    fn height_unit(&self) -> f64 {
+        let extent = self.height.max - self.height.min;
+        if extent > 0.0 { (extent / 60_000.0).log2().ceil().exp2() } else { MILLIMETRE * self.metre }
+    }
+
+    /// What heights above the ground are told apart by.
+    pub fn above_scale(&self) -> AboveScale {
+        AboveScale { unit: self.height_unit(), reach: REACH * self.metre }
+    }
+
+    /// What densities are.
+    pub fn density_steps(&self) -> Steps {
+        let density = if self.density > 0.0 { self.density } else { 1.0 };
+        Steps { unit: (density / 1024.0).log2().floor().exp2() }
+    }
+
+    /// What differences of flight lines are: as finely as lasers measure, where heights allow for no less.
+    pub fn difference_steps(&self) -> Steps {
+        let finest = (2.0 * MILLIMETRE * self.metre).log2().floor().exp2();
+        Steps { unit: self.height_unit().min(finest) }
     }
 }
 

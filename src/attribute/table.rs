@@ -15,6 +15,20 @@ use crate::text::tidy;
 /// What cannot be coloured as asked.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum AttributeError {
+    /// Percentiles of what the opening sample says nothing of.
+    #[error(
+        "colour range {asked}: no percentiles of {what} are known before all points are read; give values, such as {low}..{high}"
+    )]
+    Percentile {
+        /// What was asked for.
+        asked: ColorRange,
+        /// Values of what.
+        what: &'static str,
+        /// Values that would do.
+        low: f64,
+        /// And the high one.
+        high: f64,
+    },
     /// Ends of a range in the wrong order, equal, or not finite, as they are in the data.
     #[error(
         "colour range {asked}: it is from {lo} to {hi} here, and both must be finite and the first lower than the second"
@@ -36,6 +50,7 @@ const UNKNOWN: f64 = 0.65;
 ///
 /// ```text
 /// v     = word 0 | class | channel | returns            (u32, by mode)
+/// grey  where v = 0                                     (densities and differences of lines)
 /// v     = (v + 37 · ⌊v / 256⌋) mod 256                  (source ids alone)
 /// t     = v > lo ? min(float(v - lo) · scale, 255) : 0
 /// color = mix(table[floor(t)], table[min(floor(t) + 1, 255)], fract(t))        sRGB; linearise after
@@ -77,6 +92,14 @@ impl ColorTable {
         let range = range.filter(|range| !(is_constant && range.is_relative()));
         let range = match (range, spread) {
             (Some(asked), Some(spread)) => Some(in_data(asked, spread)?),
+            (Some(asked), None) if asked.has_percentiles() => match channel {
+                Some(channel) if mode != ColorMode::SourceId => {
+                    let (low, high) = usual_range(mode, sample);
+                    return Err(AttributeError::Percentile { asked, what: channel.name(), low, high });
+                }
+                // Palettes have no ranges.
+                _ => None,
+            },
             (Some(asked), None) => Some(in_data(asked, &Spread::default())?),
             (None, _) => None,
         };
@@ -111,7 +134,13 @@ impl ColorTable {
             ColorMode::Class => Some(direct(class_color)),
             ColorMode::Return => Some(direct(|byte| ReturnKind::of(byte).color())),
             ColorMode::SourceId => Some(direct(source_color)),
-            ColorMode::Height | ColorMode::Intensity | ColorMode::ScanAngle | ColorMode::GpsTime => None,
+            ColorMode::Height
+            | ColorMode::Intensity
+            | ColorMode::ScanAngle
+            | ColorMode::GpsTime
+            | ColorMode::HeightAboveGround
+            | ColorMode::Density
+            | ColorMode::LineDifference => None,
         };
         if let Some(words) = constant(mode, sample).filter(|_| range.is_none() || own.is_some()) {
             if let Some(own) = own.filter(|_| sample.points > 0) {
@@ -182,7 +211,29 @@ impl ColorTable {
                     constant: None,
                 }
             }
+            ColorMode::HeightAboveGround | ColorMode::Density | ColorMode::LineDifference => {
+                let (lo, hi) = range.unwrap_or_else(|| usual_range(mode, sample));
+                let of = channel.expect("it is by a channel");
+                let [low, high] = [lo, hi].map(|value| f64::from(of.code(value)));
+                ColorTable {
+                    mode,
+                    channel,
+                    lo: low as u32,
+                    scale: (255.0 / (high - low).max(1.0)) as f32,
+                    table: table(|i| {
+                        let t = f64::from(i) / 255.0;
+                        ramp.map_or_else(|| measure_color(mode, t), |ramp| ramp.at(t))
+                    }),
+                    range: Some((lo, hi)),
+                    constant: None,
+                }
+            }
         })
+    }
+
+    /// Whether codes of 0 are values that are missing, which are grey.
+    pub fn knows_none(&self) -> bool {
+        matches!(self.mode, ColorMode::Density | ColorMode::LineDifference)
     }
 
     /// sRGB of what the channel of a record holds, where the mode colours by that.
@@ -200,13 +251,55 @@ impl ColorTable {
             }
             ColorMode::Height => w0,
             ColorMode::Class => w1 >> 24,
-            ColorMode::Intensity | ColorMode::ScanAngle | ColorMode::GpsTime => w1 >> 8 & 0xffff,
+            ColorMode::Density | ColorMode::LineDifference if w1 >> 8 & 0xffff == 0 => {
+                return [UNKNOWN as f32; 3];
+            }
+            ColorMode::Intensity
+            | ColorMode::ScanAngle
+            | ColorMode::GpsTime
+            | ColorMode::HeightAboveGround
+            | ColorMode::Density
+            | ColorMode::LineDifference => w1 >> 8 & 0xffff,
             ColorMode::SourceId => source_entry(w1 >> 8 & 0xffff),
             ColorMode::Return => w2 >> 8 & 255,
         };
         let t = (value.saturating_sub(self.lo) as f32 * self.scale).min(255.0);
         let (a, b) = (self.table[t as usize], self.table[(t as usize + 1).min(255)]);
         [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t.fract())
+    }
+}
+
+/// Values at the ends of the ramp of what is measured of columns, where none are asked for.
+fn usual_range(mode: ColorMode, sample: &AttributeSummary) -> (f64, f64) {
+    match mode {
+        ColorMode::Density => {
+            let density = if sample.density > 0.0 { sample.density } else { 1.0 };
+            // In round numbers: the middle is what there is, roughly.
+            let step = (density / 4.0).log10().floor().max(-6.0);
+            let step = 10.0_f64.powi(step as i32);
+            (0.0, (2.0 * density / step).ceil() * step)
+        }
+        ColorMode::LineDifference => (0.0, USUAL_DIFFERENCE * sample.metre),
+        _ => {
+            let highest = [sample.above.percentile(98.0), sample.above.max, sample.metre];
+            (0.0, highest.into_iter().find(|height| *height > 0.0).unwrap_or(1.0))
+        }
+    }
+}
+
+/// What flight lines of a good survey differ by at most, metres: the dark end of the ramp.
+const USUAL_DIFFERENCE: f64 = 0.3;
+
+/// Ramps of what is measured of columns. Densities: red where points are few, blue where they are many; differences: pale, then
+/// red; heights above the ground: pale land, green, blue.
+fn measure_color(mode: ColorMode, t: f64) -> [f64; 3] {
+    const ABOVE: [[u8; 3]; 5] =
+        [[236, 230, 214], [178, 206, 132], [84, 160, 98], [34, 116, 132], [46, 64, 132]];
+    const APART: [[u8; 3]; 4] = [[226, 234, 222], [246, 208, 120], [224, 116, 62], [142, 28, 44]];
+    match mode {
+        ColorMode::Density => diverging(1.0 - t),
+        ColorMode::LineDifference => oklab_to_srgb(even_path(&APART, t)).map(|v| v.clamp(0.0, 1.0)),
+        _ => oklab_to_srgb(even_path(&ABOVE, t)).map(|v| v.clamp(0.0, 1.0)),
     }
 }
 
@@ -267,6 +360,7 @@ fn constant(mode: ColorMode, sample: &AttributeSummary) -> Option<String> {
         ColorMode::Height => spread("height", &sample.height),
         ColorMode::Intensity => spread("intensity", &sample.intensity),
         ColorMode::ScanAngle => spread("scan angle", &sample.scan_angle),
+        ColorMode::HeightAboveGround | ColorMode::Density | ColorMode::LineDifference => None,
         ColorMode::GpsTime => match sample.times {
             None => Some("there is no GPS time in this data".to_owned()),
             Some(times) => (times.from >= times.to).then(|| format!("GPS time is {} everywhere", times.from)),

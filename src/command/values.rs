@@ -129,6 +129,9 @@ pub(super) fn color(text: &str) -> Result<Color, String> {
         "classes" | "classification" => Some(ColorMode::Class),
         "returns" => Some(ColorMode::Return),
         "i" => Some(ColorMode::Intensity),
+        "hag" | "height-above" | "above-ground" => Some(ColorMode::HeightAboveGround),
+        "point-density" => Some(ColorMode::Density),
+        "line-differences" | "strip-difference" | "dz" => Some(ColorMode::LineDifference),
         "source" | "point-source-id" | "flight-line" | "line" => Some(ColorMode::SourceId),
         "angle" => Some(ColorMode::ScanAngle),
         "time" => Some(ColorMode::GpsTime),
@@ -136,7 +139,7 @@ pub(super) fn color(text: &str) -> Result<Color, String> {
             Ok(mode) => Some(mode),
             Err(_) => {
                 return Err(
-                    "possible values: auto, rgb, height (or elevation, z), class, intensity, return, source-id, scan-angle, gps-time"
+                    "possible values: auto, rgb, height (or elevation, z), class, intensity, return, source-id, scan-angle, gps-time, height-above-ground (or hag), density, line-difference"
                         .to_owned(),
                 );
             }

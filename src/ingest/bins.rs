@@ -6,10 +6,10 @@
 
 pub use super::meaning::Meaning;
 use super::selecting::Selector;
-use crate::attribute::{Attributes, Record};
-use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey, Stacking};
+use crate::attribute::{Attributes, Channel, Record};
+use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey};
 use crate::limits::LIMITS;
-use crate::section::{Columns, Surface, column_index, device_bytes};
+use crate::section::{Columns, Measure, Surface, column_index, device_bytes};
 use crate::source::{PointBlock, Reading};
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -59,9 +59,9 @@ struct Strays {
 /// A section that several threads put points into.
 pub type Shared = Arc<Mutex<Columns>>;
 
-/// One without points.
-pub fn shared(surface: Surface, stacking: Stacking) -> Shared {
-    Arc::new(Mutex::new(Columns::new(surface, stacking)))
+/// A section of a level of `grid` without points, whose records are to hold `channel`.
+pub fn columns(surface: Surface, channel: &Channel, grid: &Grid, level: u8) -> Columns {
+    Columns::new(surface, grid.stacking(level)).measuring(Measure::of(channel, grid, level))
 }
 
 /// Cells of the base grid, west-east and south-north, that the data is believed to lie in.
@@ -130,9 +130,15 @@ impl Bins {
         }
     }
 
-    /// The section `key`, made if need be; `stacking`: of the grid.
-    fn section(&self, key: SectionKey, stacking: Stacking) -> Shared {
-        Arc::clone(lock(&self.sections).entry(key).or_insert_with(|| shared(self.surface, stacking)))
+    /// One without points.
+    fn columns(&self, grid: &Grid) -> Columns {
+        columns(self.surface, &self.reading.channel, grid, 0)
+    }
+
+    /// The section `key` of `grid`, made if need be.
+    fn section(&self, key: SectionKey, grid: &Grid) -> Shared {
+        let make = || Arc::new(Mutex::new(self.columns(grid)));
+        Arc::clone(lock(&self.sections).entry(key).or_insert_with(make))
     }
 
     fn over_budget(&self) -> bool {
@@ -159,13 +165,12 @@ impl Bins {
         }
         grid.coarsen += 1;
         grid.anchor = grid.anchor.map(|a| a >> 1);
-        let stacking = grid.stacking(0);
         let mut sections = lock(&self.sections);
         let mut parents = HashMap::<SectionKey, Columns>::new();
         for (key, child) in sections.drain() {
             // Keys stay at level 0: the grid itself is coarser now.
             let parent = SectionKey { level: 0, ..key.parent() };
-            let parent = parents.entry(parent).or_insert_with(|| Columns::new(self.surface, stacking));
+            let parent = parents.entry(parent).or_insert_with(|| self.columns(&grid));
             lock(&child).coarsen_into(key.i, key.j, parent);
         }
         let (mut host, mut device) = (0, 0);
@@ -205,12 +210,13 @@ impl Bins {
         } else {
             let side = SECTION_SIDE as i32 - 1;
             for (cell, (_, record)) in cells.into_iter().zip(strays.points) {
-                let of_strays = || Columns::new(self.surface, grid.stacking(0));
-                let columns = sections.entry(SectionKey::of(cell)).or_insert_with(of_strays);
-                columns.add((cell.i & side) as u32, (cell.j & side) as u32, record);
+                let of_strays = || columns(self.surface, &self.reading.channel, &grid, 0);
+                let of_cell = sections.entry(SectionKey::of(cell)).or_insert_with(of_strays);
+                of_cell.add((cell.i & side) as u32, (cell.j & side) as u32, record);
             }
         }
         let mut sections: Vec<_> = sections.into_iter().collect();
+        sections.iter_mut().for_each(|(_, columns)| columns.finish_measure());
         sections.sort_unstable_by_key(|(key, _)| *key);
         Some(Binned { grid, sections, outside })
     }
@@ -270,8 +276,7 @@ impl Binner {
             let stray = &mut |at, record| bins.keep_stray(at, record);
             let (next, outside) = self.place(&grid, &bins.core, meaning, block, first, stray);
             self.group();
-            let stacking = grid.stacking(0);
-            let grown = self.put(meaning, block, first, &|key| Some(bins.section(key, stacking)));
+            let grown = self.put(meaning, block, first, &|key| Some(bins.section(key, &grid)));
             bins.outside.fetch_add(outside, Ordering::Relaxed);
             bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
             bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);

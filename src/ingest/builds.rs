@@ -19,7 +19,7 @@ use crate::source::{Reading, SourceError};
 use glam::DVec3;
 use roaring::RoaringBitmap;
 use std::collections::{HashMap, HashSet, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Finest cells: first, and the one after the last.
 pub type Cells = [[i32; 2]; 2];
@@ -519,7 +519,8 @@ impl Builds {
             self.progress.lacking += u64::from(chunk.lacked_by == 0);
             chunk.lacked_by += 1;
         }
-        let columns = bins::shared(self.surface, self.grid.stacking(key.section.level));
+        let columns = bins::columns(self.surface, &self.reading.channel, &self.grid, key.section.level);
+        let columns = Arc::new(Mutex::new(columns));
         self.builds.insert(key, Build { columns, lacks, bytes: 0, damaged });
         self.finish_if_whole(key);
     }

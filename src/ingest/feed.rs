@@ -20,7 +20,7 @@ use super::workers::panicked;
 use crate::attribute::{KindCounts, Kinds};
 use crate::coords::{Grid, SectionKey};
 use crate::limits::LIMITS;
-use crate::section::{Payload, PayloadKey, PayloadKind};
+use crate::section::{Columns, Measure, Payload, PayloadKey, PayloadKind};
 use crate::source::contain::caught;
 use crate::source::known::RawBounds;
 use crate::source::learned::Cache;
@@ -519,8 +519,11 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                     // All of them: they cost next to nothing here, and any of them may be asked for later.
                     decoder.set_fields(Fields::ALL);
                     let of_file = read.unwrap_or_else(|| Arc::new(Sparse::read(decoder, &input.file, most)));
+                    let measure = Measure::of(&reading.channel, &inner.grid, level).map(Measure::of_sample);
                     let section = |key: SectionKey| {
-                        Some(Arc::clone(lock(&sections).entry(SectionKey { level, ..key }).or_default()))
+                        let make = || Arc::new(Mutex::new(Columns::default().measuring(measure)));
+                        let mut sections = lock(&sections);
+                        Some(Arc::clone(sections.entry(SectionKey { level, ..key }).or_insert_with(make)))
                     };
                     for block in of_file.blocks() {
                         let block = selector.apply(&reading, &*input, block);
@@ -620,7 +623,8 @@ fn pack(inner: &Inner, finished: Finished) -> Arrival {
     let is_sample = key.kind == PayloadKind::Sample;
     let charged = if is_sample { 0 } else { packed_bytes_at_most(column_bytes) };
     let payload = caught(|| {
-        let columns = lock(&columns);
+        let mut columns = lock(&columns);
+        columns.finish_measure();
         (columns.points() > 0).then(|| columns.pack())
     });
     drop(columns);

@@ -52,7 +52,9 @@ impl Selector {
         let kept = kept.iter().map(|&i| i as usize);
         match reading.channel {
             Channel::Intensity => to.intensity.extend(kept.map(|i| block.intensity[i])),
-            Channel::SourceId => {
+            // What follows from all points of a section comes when all are there.
+            Channel::AboveGround(_) | Channel::Density(_) => to.intensity.extend(kept.map(|_| 0)),
+            Channel::SourceId | Channel::LineDifference(_) => {
                 to.intensity.extend(kept.map(|i| block.source_id.get(i).copied().unwrap_or(0)))
             }
             Channel::ScanAngle => to

@@ -99,6 +99,9 @@ impl Values {
             Channel::SourceId => ("source_id", numbers()),
             Channel::ScanAngle => ("scan_angle", values(0.0)),
             Channel::GpsTime(scale) => ("gps_time", values(scale.from)),
+            Channel::AboveGround(_) => ("height_above_ground", values(0.0)),
+            Channel::Density(_) => ("density", values(0.0)),
+            Channel::LineDifference(_) => ("line_difference", values(0.0)),
         }
     }
 }

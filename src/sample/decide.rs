@@ -13,7 +13,7 @@ use super::seen::{Asked, Seen, hidden_by_default, unpack};
 use super::shapes::{Shape, Shapes};
 use super::summary::{Shown, counts, summarise, times};
 use super::weighted::Weighted;
-use crate::attribute::{AttributeSummary, Kinds};
+use crate::attribute::{AttributeSummary, Kinds, Spread};
 use crate::coords::{Bounds, Hull};
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
@@ -250,6 +250,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     };
     let patches = ground::patches(&places, &seen, &ground);
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
+    let cell = cell::choose(&patches, finest.fold(f64::INFINITY, f64::min));
+    let above = shape.as_ref().map_or(Spread::default(), |(_, low)| {
+        let of_file = |file| sample.placed(file, shown).filter(move |(at, _)| framed[file].keeps(*at));
+        let placed = (0..files.len()).flat_map(of_file);
+        Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
+    });
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,
@@ -257,8 +263,11 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         selected,
         counted: whole && sampled == points,
         whole,
-        cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
+        cell,
         attributes: AttributeSummary {
+            above,
+            density: cell.density,
+            metre: world.unit.as_ref().map_or(1.0, |unit| unit.si.recip()),
             times: times(
                 sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight)),
                 whole,

@@ -7,8 +7,8 @@
 
 use super::ground::{self, Lowest};
 use super::layout::{column_at, column_index};
-use crate::attribute::{ClassMask, Record};
-use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE};
+use crate::attribute::{AboveScale, Channel, ClassMask, Record, Steps};
+use crate::coords::{Grid, Height, SECTION_COLUMNS, SECTION_SIDE};
 use crate::shared::payload::RUN_INTENSITY_SHIFT;
 use crate::source::FLAG_WITHHELD;
 
@@ -23,14 +23,14 @@ const SQUARES: usize = (SECTION_SIDE >> SQUARE_LOG2) as usize;
 pub enum Measure {
     /// How far a record is above the ground below it, see `section::ground`; below it: 0.
     AboveGround {
-        /// log2 of the lattice steps between two codes.
-        code_log2: u32,
+        /// Codes that a step of the lattice is.
+        codes_a_step: f64,
         /// What stands on the ground is no wider, columns: where no class tells what is ground.
         reach: f64,
     },
     /// Points in the square of [`SQUARE`] columns each way around, over its area. 0: none.
     Density {
-        /// Codes that one point is.
+        /// Codes that one point is; 0: points tell nothing of densities.
         codes_a_point: f64,
     },
     /// How far flight lines are apart: of each column that several point source ids have seen, from the lowest to the
@@ -38,9 +38,37 @@ pub enum Measure {
     /// number the lesser). Source ids stand in records in the place of intensities. 0: no column of the square was seen
     /// by several; else one more than the difference.
     LineDifference {
-        /// log2 of the lattice steps between two codes.
-        code_log2: u32,
+        /// Codes that a step of the lattice is.
+        codes_a_step: f64,
     },
+}
+
+impl Measure {
+    /// What `channel` takes of the sections of a level of `grid`; `None`: it is what records hold.
+    pub fn of(channel: &Channel, grid: &Grid, level: u8) -> Option<Measure> {
+        let cell = grid.cell() * f64::from(level).exp2();
+        Some(match channel {
+            Channel::AboveGround(AboveScale { unit, reach }) => {
+                Measure::AboveGround { codes_a_step: grid.height_step / unit, reach: reach / cell }
+            }
+            Channel::Density(Steps { unit }) => {
+                let side = f64::from(SQUARE) * cell;
+                Measure::Density { codes_a_point: 1.0 / (side * side * unit) }
+            }
+            Channel::LineDifference(Steps { unit }) => {
+                Measure::LineDifference { codes_a_step: grid.height_step / unit }
+            }
+            Channel::Intensity | Channel::SourceId | Channel::ScanAngle | Channel::GpsTime(_) => return None,
+        })
+    }
+
+    /// The same of a few of the points.
+    pub fn of_sample(self) -> Measure {
+        match self {
+            Measure::Density { .. } => Measure::Density { codes_a_point: 0.0 },
+            other => other,
+        }
+    }
 }
 
 /// Whether a record counts: neither noise nor withheld.
@@ -194,17 +222,18 @@ impl Measuring {
     /// The codes of all records of the section, whose `records` are given one after the other with their columns.
     pub(super) fn finish(&self, records: impl FnOnce(&mut dyn FnMut(u16, Record))) -> Codes {
         match (self.measure, &self.gathered) {
-            (Measure::AboveGround { code_log2, reach }, Gathered::Lowest(lowest)) => {
-                Codes::Above { ground: ground::of(lowest, reach, records), code_log2 }
+            (Measure::AboveGround { codes_a_step, reach }, Gathered::Lowest(lowest)) => {
+                Codes::Above { ground: ground::of(lowest, reach, records), codes_a_step }
             }
             (Measure::Density { codes_a_point }, Gathered::Counts(counts)) => {
                 let code = |&n: &u32| match n {
                     0 => 0,
+                    _ if codes_a_point == 0.0 => 0,
                     n => (f64::from(n) * codes_a_point).round().clamp(1.0, f64::from(u16::MAX)) as u16,
                 };
                 Codes::OfSquares(counts.iter().map(code).collect())
             }
-            (Measure::LineDifference { code_log2 }, Gathered::Lines(lines)) => {
+            (Measure::LineDifference { codes_a_step }, Gathered::Lines(lines)) => {
                 let code = |square: usize| {
                     let [x, y] = [square % SQUARES, square / SQUARES].map(|at| (at as u32) << SQUARE_LOG2);
                     let places = (0..SQUARE * SQUARE).map(|k| column_index(x + k % SQUARE, y + k / SQUARE));
@@ -212,7 +241,8 @@ impl Measuring {
                         places.filter_map(|column| lines.difference(column)).collect();
                     let middle = differences.len().checked_sub(1)? / 2;
                     let (_, middle, _) = differences.select_nth_unstable(middle);
-                    Some((*middle >> code_log2).min(u32::from(u16::MAX) - 1) as u16 + 1)
+                    let codes = (f64::from(*middle) * codes_a_step).round().min(f64::from(u16::MAX) - 1.0);
+                    Some(codes as u16 + 1)
                 };
                 Codes::OfSquares((0..SQUARES * SQUARES).map(|square| code(square).unwrap_or(0)).collect())
             }
@@ -224,7 +254,7 @@ impl Measuring {
 /// What a measure comes to.
 pub(super) enum Codes {
     /// Ground below each column, lattice heights; NaN: nothing is known of it.
-    Above { ground: Vec<f64>, code_log2: u32 },
+    Above { ground: Vec<f64>, codes_a_step: f64 },
     /// The code of each square.
     OfSquares(Vec<u16>),
 }
@@ -233,11 +263,11 @@ impl Codes {
     /// That of a record of a column.
     pub(super) fn of(&self, column: u16, record: Record) -> u16 {
         match self {
-            Codes::Above { ground, code_log2 } => {
+            Codes::Above { ground, codes_a_step } => {
                 // Where nothing is known of the ground it is NaN, which is 0 here.
                 let height = f64::from(record.height().map_or(0, |height| height.0));
                 let steps = height - ground[usize::from(column)];
-                (steps / f64::from(1u32 << code_log2)).round().clamp(0.0, f64::from(u16::MAX)) as u16
+                (steps * codes_a_step).round().clamp(0.0, f64::from(u16::MAX)) as u16
             }
             Codes::OfSquares(codes) => codes[square_of(column)],
         }
@@ -285,9 +315,9 @@ mod tests {
     fn measures(level: u32) -> [Measure; 3] {
         let cells = f64::from(1u32 << level);
         [
-            Measure::AboveGround { code_log2: 2, reach: 40.0 / cells },
+            Measure::AboveGround { codes_a_step: 0.25, reach: 40.0 / cells },
             Measure::Density { codes_a_point: 64.0 / (cells * cells) },
-            Measure::LineDifference { code_log2: 1 },
+            Measure::LineDifference { codes_a_step: 0.5 },
         ]
     }
 
@@ -350,7 +380,7 @@ mod tests {
 
     #[test]
     fn lines_that_are_apart_are_told_by_how_much() {
-        let apart = Measure::LineDifference { code_log2: 2 };
+        let apart = Measure::LineDifference { codes_a_step: 0.25 };
         let mut points = Vec::new();
         for (x, y) in (0..16).flat_map(|x| (0..8).map(move |y| (x, y))) {
             // A slope of a column's width in 20, seen by two lines, the second 40 steps higher; noise counts nothing.
@@ -407,7 +437,7 @@ mod tests {
 
     #[test]
     fn what_stands_on_a_slope_is_as_high_as_it_is_above_it() {
-        let above = Measure::AboveGround { code_log2: 4, reach: 30.0 };
+        let above = Measure::AboveGround { codes_a_step: 1.0 / 16.0, reach: 30.0 };
         for slope in [[0.0f64, 0.0], [120.0, -40.0], [-300.0, 500.0]] {
             for (ground, other, tolerance) in [(2, 5, 60.0), (1, 1, 400.0)] {
                 for ([x, y], height, code) in codes(above, &land(ground, other, slope)) {
@@ -429,7 +459,7 @@ mod tests {
 
     #[test]
     fn below_the_ground_and_without_any_it_is_0() {
-        let above = Measure::AboveGround { code_log2: 0, reach: 30.0 };
+        let above = Measure::AboveGround { codes_a_step: 1.0, reach: 30.0 };
         // All of it is a roof: nothing lower is known.
         let roof: Vec<Point> =
             (0..64).flat_map(|x| (0..64).map(move |y| point(x, y, 5_000, 6, 1, 0))).collect();

@@ -23,7 +23,8 @@ impl Reading {
     /// What is to be decoded for it.
     pub fn fields(&self) -> Fields {
         Fields {
-            source_id: !self.selection.source_ids.is_all() || self.channel == Channel::SourceId,
+            source_id: !self.selection.source_ids.is_all()
+                || matches!(self.channel, Channel::SourceId | Channel::LineDifference(_)),
             scan_angle: self.channel == Channel::ScanAngle,
             gps_time: self.selection.needs_time() || matches!(self.channel, Channel::GpsTime(_)),
         }

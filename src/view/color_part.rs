@@ -42,11 +42,11 @@ fn legend(ui: &mut Ui, table: &ColorTable, (low, high): (f64, f64), unit: &str) 
     }
 }
 
-/// Chooses the ramp and the values at its ends, of what is spread like `spread`.
+/// Chooses the ramp and the values at its ends, of what is spread like `spread`; `None`: no percentiles are known.
 fn choices(
     ui: &mut Ui,
     scale: &mut Scale,
-    (shown, spread): ((f64, f64), &Spread),
+    (shown, spread): ((f64, f64), Option<&Spread>),
     places: &mut Vec<(String, Pos2)>,
 ) {
     ui.horizontal(|ui| {
@@ -63,14 +63,20 @@ fn choices(
         let (low, high) = shown;
         let step = ((high - low) / 200.0).max(1e-3);
         let digits = (3.0 - (high - low).log10().floor()).clamp(1.0, 4.0) as usize;
+        let value_of = |end: RangeEnd| match (end, spread) {
+            (RangeEnd::Value(value), _) => Some(value),
+            (percentile, spread) => spread.map(|spread| percentile.value(spread)),
+        };
+        let hint = if spread.is_some() { "a value, or a percentile such as 2%" } else { "a value" };
         // The end that was chosen.
         let mut end = |ui: &mut Ui, before: f64, asked: Option<RangeEnd>, name: &str| {
             let mut value = before;
             let typed = Cell::new(None);
             let parse = |text: &str| {
                 let end = text.parse::<RangeEnd>().ok();
-                typed.set(end);
-                end.map(|end| end.value(spread))
+                let value = end.and_then(value_of);
+                typed.set(end.filter(|_| value.is_some()));
+                value
             };
             let edit = DragValue::new(&mut value)
                 .speed(step)
@@ -82,8 +88,7 @@ fn choices(
                 _ => String::new(),
             };
             let edit = ui.add_sized(vec2(54.0, 18.0), edit);
-            let edit = edit
-                .on_hover_text(format!("{name} end of the ramp{what}: a value, or a percentile such as 2%"));
+            let edit = edit.on_hover_text(format!("{name} end of the ramp{what}: {hint}"));
             places.push((format!("range {name}"), edit.rect.center()));
             if edit.has_focus() {
                 places.push((format!("typing range {name}"), edit.rect.center()));
@@ -99,7 +104,9 @@ fn choices(
         if new_low.is_some() || new_high.is_some() {
             let [was_low, was_high] = asked.unwrap_or([low, high].map(RangeEnd::Value));
             let range = ColorRange { low: new_low.unwrap_or(was_low), high: new_high.unwrap_or(was_high) };
-            if range.low.value(spread) < range.high.value(spread) {
+            if let (Some(low), Some(high)) = (value_of(range.low), value_of(range.high))
+                && low < high
+            {
                 scale.range = Some(range);
             }
         }
@@ -120,6 +127,9 @@ fn more_words(mode: ColorMode) -> &'static str {
     match mode {
         ColorMode::SourceId => "Source id (flight line)",
         ColorMode::ScanAngle => "Scan angle",
+        ColorMode::HeightAboveGround => "Height above ground",
+        ColorMode::Density => "Point density",
+        ColorMode::LineDifference => "Difference between flight lines",
         _ => "GPS time",
     }
 }
@@ -144,7 +154,7 @@ pub fn show(
                 ColorMode::Class => "Class",
                 ColorMode::Intensity => "Intensity",
                 ColorMode::Return => "Return",
-                ColorMode::SourceId | ColorMode::ScanAngle | ColorMode::GpsTime => continue,
+                _ => continue,
             };
             let choice = ui.selectable_value(&mut settings.color, mode, words);
             places.push((format!("mode {}", mode.name()), choice.rect.center()));
@@ -155,8 +165,9 @@ pub fn show(
                 places.push((format!("mode {}", mode.name()), choice.rect.center()));
             }
         });
-        let more =
-            more.response.on_hover_text("flight lines, scan angles, times: points are read again for them");
+        let more = more
+            .response
+            .on_hover_text("heights above ground, flight lines and more: points are read again for them");
         places.push(("more modes".to_owned(), more.rect.center()));
     });
     if MORE_MODES.contains(&settings.color) {
@@ -170,14 +181,22 @@ pub fn show(
     match (table.mode, table.range) {
         (mode, Some(range)) => {
             let unit = match &table.channel {
-                Some(channel) => channel.unit(),
-                None if mode == ColorMode::Height => unit,
-                None => "",
+                Some(channel) => channel.unit((!unit.is_empty()).then_some(unit)),
+                None if mode == ColorMode::Height => unit.to_owned(),
+                None => String::new(),
             };
-            legend(ui, table, range, unit);
-            let spread = about.and_then(|about| about.summary.spread(mode));
-            if let (Some(scale), Some(spread)) = (settings.scale_mut(), spread) {
-                choices(ui, scale, (range, spread), places);
+            legend(ui, table, range, &unit);
+            if let Some(scale) = settings.scale_mut() {
+                choices(ui, scale, (range, about.and_then(|about| about.summary.spread(mode))), places);
+            }
+            if table.knows_none() {
+                ui.horizontal(|ui| {
+                    swatch(ui, table.of_channel(0));
+                    ui.label(weak(match mode {
+                        ColorMode::LineDifference => "seen by one line",
+                        _ => "no points",
+                    }));
+                });
             }
         }
         (ColorMode::Return, None) => {

@@ -13,7 +13,7 @@ use super::selection_part::SelectionPart;
 use super::settings::{BRIDGE, Settings};
 use super::state::State;
 use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, weak};
-use crate::attribute::{ColorTable, class_color, class_name};
+use crate::attribute::{Channel, ColorTable, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
 use crate::text::{harmless, tidy};
@@ -346,9 +346,10 @@ fn place(ui: &mut Ui, point: &PickedPoint, is_kept: bool, about: &DataAbout) {
     let [r, g, b] = class_color(point.class);
     let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
     ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
-    let value = point.value.map_or(String::new(), |(channel, code)| format!("   {}", channel.words(code)));
-    let class = format!("{} {}{value}", point.class, class_name(point.class));
     let unit = about.unit.as_ref().map(|unit| unit.symbol());
+    let value = |(channel, code): (Channel, u16)| format!("   {}", channel.words(code, unit));
+    let value = point.value.map_or(String::new(), value);
+    let class = format!("{} {}{value}", point.class, class_name(point.class));
     match pick::caution(point, unit) {
         None => _ = ui.add(egui::Label::new(class).truncate()),
         Some(caution) => {

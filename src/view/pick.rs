@@ -57,7 +57,7 @@ pub fn logged(point: Option<&PickedPoint>) -> String {
     let Some(point) = point else { return "nothing".to_owned() };
     let at = point.shown;
     let mut line = format!("{:.3} {:.3} {:.3} class {}", at.x, at.y, point.height, point.class);
-    line.extend(point.value.map(|(channel, code)| format!(" {}", channel.words(code))));
+    line.extend(point.value.map(|(channel, code)| format!(" {}", channel.words(code, None))));
     line.extend(point.below.map(|below| format!(" side {below:.3}")));
     line.push_str(if point.is_bridged { " bridged" } else { "" });
     line.extend(point.coarse_cell.map(|cell| format!(" cell {cell}")));

@@ -17,7 +17,14 @@ pub const MODES: [ColorMode; 5] =
     [ColorMode::Rgb, ColorMode::Height, ColorMode::Class, ColorMode::Intensity, ColorMode::Return];
 
 /// Modes that read points again: the key leaves them out.
-pub const MORE_MODES: [ColorMode; 3] = [ColorMode::SourceId, ColorMode::ScanAngle, ColorMode::GpsTime];
+pub const MORE_MODES: [ColorMode; 6] = [
+    ColorMode::HeightAboveGround,
+    ColorMode::Density,
+    ColorMode::LineDifference,
+    ColorMode::SourceId,
+    ColorMode::ScanAngle,
+    ColorMode::GpsTime,
+];
 
 /// How values become colours of a ramp.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -41,6 +48,12 @@ pub struct Settings {
     pub angles: Scale,
     /// That of GPS times.
     pub times: Scale,
+    /// That of heights above the ground.
+    pub above: Scale,
+    /// That of densities.
+    pub densities: Scale,
+    /// That of differences between flight lines.
+    pub differences: Scale,
     /// Points that take part.
     pub selection: Selection,
     /// Classes, withheld points, bridges.
@@ -75,6 +88,9 @@ impl Settings {
             ColorMode::Intensity => self.intensities,
             ColorMode::ScanAngle => self.angles,
             ColorMode::GpsTime => self.times,
+            ColorMode::HeightAboveGround => self.above,
+            ColorMode::Density => self.densities,
+            ColorMode::LineDifference => self.differences,
             ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId => Scale::default(),
         }
     }
@@ -86,6 +102,9 @@ impl Settings {
             ColorMode::Intensity => Some(&mut self.intensities),
             ColorMode::ScanAngle => Some(&mut self.angles),
             ColorMode::GpsTime => Some(&mut self.times),
+            ColorMode::HeightAboveGround => Some(&mut self.above),
+            ColorMode::Density => Some(&mut self.densities),
+            ColorMode::LineDifference => Some(&mut self.differences),
             ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId => None,
         }
     }

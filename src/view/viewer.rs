@@ -14,7 +14,7 @@ use super::saving::{Saving, Writer};
 use super::settings::{Scale, Settings, has_mode};
 use super::timing::FrameTiming;
 use super::toolkit::Textures;
-use crate::attribute::ColorMode;
+use crate::attribute::{AttributeError, ColorMode};
 use crate::gpu::{DeviceKind, Gpu, Overlay, Swapchain, SyncPoint};
 use crate::limits::LIMITS;
 use crate::text::harmless;
@@ -208,7 +208,18 @@ impl Viewer {
             self.data.scene_mut().set_visibility(visibility)?;
             self.redraw.outdate();
         }
-        if self.canvas.apply_colors(&self.data, &self.settings)? {
+        let applied = match self.canvas.apply_colors(&self.data, &self.settings) {
+            // A range that these data do not have.
+            Err(error) if error.is::<AttributeError>() => {
+                self.notify(error.to_string());
+                if let Some(scale) = self.settings.scale_mut() {
+                    scale.range = None;
+                }
+                self.canvas.apply_colors(&self.data, &self.settings)?
+            }
+            applied => applied?,
+        };
+        if applied {
             let (name, scale) = (self.settings.color.name(), self.settings.scale());
             let ramp = scale.ramp.map_or("usual".to_owned(), |ramp| ramp.name());
             let range = self.canvas.colors().and_then(|(_, table)| table.range);
@@ -229,6 +240,9 @@ fn settings_of(view: &ViewOptions) -> Settings {
         intensities: Scale::default(),
         angles: Scale::default(),
         times: Scale::default(),
+        above: Scale::default(),
+        densities: Scale::default(),
+        differences: Scale::default(),
         selection: view.data.selection.clone(),
         visibility: view.data.visibility,
         z_scale: view.z_scale,

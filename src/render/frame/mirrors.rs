@@ -6,7 +6,7 @@ use crate::attribute::ColorMode;
 use crate::coords::{Grid, Height, LOW_SIDE, LowSurface, Slab};
 use crate::shared::passes::{
     BACKGROUND_NONE, BACKGROUND_SKY, BACKGROUND_WHITE, BITS_FACE_MASK, BITS_FACE_SHIFT, COLOR_CHANNEL,
-    COLOR_CLASS, COLOR_HEIGHT, COLOR_PALETTE, COLOR_RETURNS, COLOR_RGB, FACE_TOP, SHADE_LIT,
+    COLOR_CLASS, COLOR_HEIGHT, COLOR_KNOWN, COLOR_PALETTE, COLOR_RETURNS, COLOR_RGB, FACE_TOP, SHADE_LIT,
 };
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -87,7 +87,11 @@ impl FrameConstants {
                 ColorMode::Rgb => COLOR_RGB,
                 ColorMode::Height => COLOR_HEIGHT,
                 ColorMode::Class => COLOR_CLASS,
-                ColorMode::Intensity | ColorMode::ScanAngle | ColorMode::GpsTime => COLOR_CHANNEL,
+                ColorMode::Intensity
+                | ColorMode::ScanAngle
+                | ColorMode::GpsTime
+                | ColorMode::HeightAboveGround => COLOR_CHANNEL,
+                ColorMode::Density | ColorMode::LineDifference => COLOR_KNOWN,
                 ColorMode::SourceId => COLOR_PALETTE,
                 ColorMode::Return => COLOR_RETURNS,
             },

@@ -35,7 +35,10 @@ pub(in super::super) fn derive_colors(scene: &mut Scene, view: &View) -> Result<
         | ColorMode::Return
         | ColorMode::SourceId
         | ColorMode::ScanAngle
-        | ColorMode::GpsTime => scene.set_column_data(ColumnData::Values),
+        | ColorMode::GpsTime
+        | ColorMode::HeightAboveGround
+        | ColorMode::Density
+        | ColorMode::LineDifference => scene.set_column_data(ColumnData::Values),
         ColorMode::Class | ColorMode::Height => Ok(()),
     }
 }
