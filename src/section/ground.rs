@@ -122,7 +122,8 @@ fn low_surface(lowest: &Lowest, reach: f64) -> Vec<f64> {
             heights[row_by_row(column as u16)] = low.into();
         }
     }
-    let mut surface = vec![0.0; SECTION_COLUMNS];
+    // Where a section is covered in part, nodes without columns have its slope.
+    let mut surface = plane(&heights);
     let mut nodes = 1;
     loop {
         let width = SIDE / nodes;
@@ -150,6 +151,27 @@ fn low_surface(lowest: &Lowest, reach: f64) -> Vec<f64> {
             + slope(south * SIDE + x, north * SIDE + x, north - south)
     };
     (0..SECTION_COLUMNS).map(|k| surface[k] + rise(k)).collect()
+}
+
+/// The plane that fits heights best, row by row; flat where they lie in a line.
+fn plane(heights: &[f64]) -> Vec<f64> {
+    let middle = (SIDE / 2) as f64;
+    let place = |k: usize| ((k % SIDE) as f64 - middle, (k / SIDE) as f64 - middle);
+    let known = || (0..SECTION_COLUMNS).filter(|&k| !heights[k].is_nan());
+    let n = known().count().max(1) as f64;
+    let mean = |of: &dyn Fn(usize) -> f64| known().map(of).sum::<f64>() / n;
+    let (x0, y0) = (mean(&|k| place(k).0), mean(&|k| place(k).1));
+    let z0 = mean(&|k| heights[k]);
+    let (mut xx, mut xy, mut yy, mut xz, mut yz) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for k in known() {
+        let (x, y, z) = (place(k).0 - x0, place(k).1 - y0, heights[k] - z0);
+        (xx, xy, yy) = (xx + x * x, xy + x * y, yy + y * y);
+        (xz, yz) = (xz + x * z, yz + y * z);
+    }
+    let det = xx * yy - xy * xy;
+    let is_flat = det <= 1e-3 * (xx + yy) * (xx + yy);
+    let slope = if is_flat { (0.0, 0.0) } else { ((yy * xz - xy * yz) / det, (xx * yz - xy * xz) / det) };
+    (0..SECTION_COLUMNS).map(|k| z0 + slope.0 * (place(k).0 - x0) + slope.1 * (place(k).1 - y0)).collect()
 }
 
 /// The low of each node's columns above `surface`; NaN where there are few.
