@@ -86,23 +86,7 @@ impl ColorTable {
         range: Option<ColorRange>,
     ) -> Result<ColorTable, AttributeError> {
         let channel = mode.channel(sample);
-        let spread = sample.spread(mode);
-        let is_constant = spread.is_none_or(|spread| spread.min >= spread.max);
-        // Of what is the same everywhere all percentiles are.
-        let range = range.filter(|range| !(is_constant && range.is_relative()));
-        let range = match (range, spread) {
-            (Some(asked), Some(spread)) => Some(in_data(asked, spread)?),
-            (Some(asked), None) if asked.has_percentiles() => match channel {
-                Some(channel) if mode != ColorMode::SourceId => {
-                    let (low, high) = usual_range(mode, sample);
-                    return Err(AttributeError::Percentile { asked, what: channel.name(), low, high });
-                }
-                // Palettes have no ranges.
-                _ => None,
-            },
-            (Some(asked), None) => Some(in_data(asked, &Spread::default())?),
-            (None, _) => None,
-        };
+        let range = known_range(mode, sample, range)?;
         let direct = |color: fn(u8) -> [u8; 3]| ColorTable {
             mode,
             channel,
@@ -212,21 +196,7 @@ impl ColorTable {
                 }
             }
             ColorMode::HeightAboveGround | ColorMode::Density | ColorMode::LineDifference => {
-                let (lo, hi) = range.unwrap_or_else(|| usual_range(mode, sample));
-                let of = channel.expect("it is by a channel");
-                let [low, high] = [lo, hi].map(|value| f64::from(of.code(value)));
-                ColorTable {
-                    mode,
-                    channel,
-                    lo: low as u32,
-                    scale: (255.0 / (high - low).max(1.0)) as f32,
-                    table: table(|i| {
-                        let t = f64::from(i) / 255.0;
-                        ramp.map_or_else(|| measure_color(mode, t), |ramp| ramp.at(t))
-                    }),
-                    range: Some((lo, hi)),
-                    constant: None,
-                }
+                measured(mode, sample, ramp, range)
             }
         })
     }
@@ -266,6 +236,48 @@ impl ColorTable {
         let t = (value.saturating_sub(self.lo) as f32 * self.scale).min(255.0);
         let (a, b) = (self.table[t as usize], self.table[(t as usize + 1).min(255)]);
         [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t.fract())
+    }
+}
+
+/// The range that is asked for in the data that `sample` stands for. Errors: there is none.
+fn known_range(
+    mode: ColorMode,
+    sample: &AttributeSummary,
+    asked: Option<ColorRange>,
+) -> Result<Option<(f64, f64)>, AttributeError> {
+    let (Some(asked), spread) = (asked, sample.spread(mode)) else { return Ok(None) };
+    let is_constant = spread.is_none_or(|spread| spread.min >= spread.max);
+    match (spread, mode.channel(sample)) {
+        (None, Some(channel)) if asked.has_percentiles() && mode != ColorMode::SourceId => {
+            let (low, high) = usual_range(mode, sample);
+            Err(AttributeError::Percentile { asked, what: channel.name(), low, high })
+        }
+        // Of what is the same everywhere all percentiles are, and palettes have no ranges.
+        (Some(_), _) if is_constant && asked.is_relative() => Ok(None),
+        (None, _) if asked.has_percentiles() => Ok(None),
+        _ => in_data(asked, spread.unwrap_or(&Spread::default())).map(Some),
+    }
+}
+
+/// The table of what is measured of columns.
+fn measured(
+    mode: ColorMode,
+    sample: &AttributeSummary,
+    ramp: Option<Ramp>,
+    range: Option<(f64, f64)>,
+) -> ColorTable {
+    let (lo, hi) = range.unwrap_or_else(|| usual_range(mode, sample));
+    let channel = mode.channel(sample).unwrap_or_default();
+    let [low, high] = [lo, hi].map(|value| f64::from(channel.code(value)));
+    let color = |t| ramp.map_or_else(|| measure_color(mode, t), |ramp| ramp.at(t));
+    ColorTable {
+        mode,
+        lo: low as u32,
+        scale: (255.0 / (high - low).max(1.0)) as f32,
+        table: table(|i| color(f64::from(i) / 255.0)),
+        channel: Some(channel),
+        range: Some((lo, hi)),
+        constant: None,
     }
 }
 

@@ -14,7 +14,7 @@ use super::shapes::{Shape, Shapes};
 use super::summary::{Shown, counts, summarise, times};
 use super::weighted::Weighted;
 use crate::attribute::{AttributeSummary, Kinds, Spread};
-use crate::coords::{Bounds, Hull};
+use crate::coords::{Bounds, Hull, LowSurface};
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
 use crate::source::{FLAG_WITHHELD, Selection, SourceError};
@@ -179,6 +179,18 @@ fn shown_points<'a>(
     shown
 }
 
+/// How far the points that are `shown` are above a low surface.
+fn above(
+    low: &LowSurface,
+    sample: &Weighted,
+    framed: &[frame::Framed],
+    shown: impl Fn(&Seen) -> bool + Copy,
+) -> Spread {
+    let of_file = |file: usize| sample.placed(file, shown).filter(move |(at, _)| framed[file].keeps(*at));
+    let placed = (0..framed.len()).flat_map(of_file);
+    Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
+}
+
 /// Takes the opening sample of `files` (sorted by path) and decides; `asked`: what is to be shown at first.
 pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget: &SampleBudget) -> Sample {
     let mut problems = Vec::new();
@@ -251,11 +263,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let patches = ground::patches(&places, &seen, &ground);
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
     let cell = cell::choose(&patches, finest.fold(f64::INFINITY, f64::min));
-    let above = shape.as_ref().map_or(Spread::default(), |(_, low)| {
-        let of_file = |file| sample.placed(file, shown).filter(move |(at, _)| framed[file].keeps(*at));
-        let placed = (0..files.len()).flat_map(of_file);
-        Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
-    });
+    let above = shape.as_ref().map_or(Spread::default(), |(_, low)| above(low, &sample, framed, shown));
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,

@@ -96,13 +96,15 @@ pub struct Args {
     pub(super) z_scale: f64,
 
     /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity, return,
-    /// source-id, scan-angle or gps-time
+    /// source-id, scan-angle, gps-time, height-above-ground (or hag), density (points in a square unit, over squares of four
+    /// cells each way, noise and withheld points left out) or line-difference (how far flight lines are apart there)
     #[arg(long, visible_alias = "colour", default_value = "auto", value_parser = color, help_heading = "Colour")]
     pub(super) color: Color,
-    /// Colour ramp of heights, intensities, scan angles and times
+    /// Colour ramp of heights, intensities, angles, times, densities and differences
     #[arg(long, value_enum, help_heading = "Colour")]
     pub(super) ramp: Option<Ramp>,
-    /// Values at the ramp's ends, or percentiles of what the data have: 180..260, 2%..98% or 0..98% [default: 2%..98%]
+    /// Values at the ramp's ends, or percentiles of what the data have: 180..260, 2%..98% or 0..98% [default: 2%..98%; of scan
+    /// angles and times all; of heights above ground, densities and differences from 0]
     #[arg(long, value_parser = range, allow_hyphen_values = true, help_heading = "Colour", value_name = "A..B")]
     pub(super) range: Option<ColorRange>,
     /// Bits of the RGB fields, where the choice from the data is wrong
