@@ -299,6 +299,8 @@ group! { passes:
     /// Most that are told. Where anything floats, in their place: which span of its block was hit, from 1 on; 0: the solid
     /// part of the column.
     MOST_STEPS = 8191;
+    /// Third word of a finished hit record: what the channel of the record holds where colours are by that, above the nodes.
+    HIT_VALUE_SHIFT = 16;
     /// Second word of a finished hit record: the class, or `BITS_MISS`.
     BITS_CLASS_MASK = 0x1FF;
     /// Nothing was hit.
@@ -342,10 +344,14 @@ group! { passes:
     COLOR_HEIGHT = 1;
     /// Class.
     COLOR_CLASS = 2;
-    /// Intensity.
-    COLOR_INTENSITY = 3;
+    /// What the channel of a record holds, by a ramp.
+    COLOR_CHANNEL = 3;
     /// Return number and count.
     COLOR_RETURNS = 4;
+    /// What the channel of a record holds, by a palette.
+    COLOR_PALETTE = 5;
+    /// What the channel of a record holds, by a ramp; 0 is nothing, and grey.
+    COLOR_KNOWN = 6;
     /// Frame's `background`: none, transparent.
     BACKGROUND_NONE = 0;
     /// White.

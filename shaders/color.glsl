@@ -28,13 +28,21 @@ uint shown_at(uint slot, uvec2 column, uint span) {
 
 uint class_of(uint shows) { return shows >> SHOWN_CLASS_SHIFT; }
 
+// Of what has no value.
+const vec3 UNKNOWN = vec3(0.65);
+
+// Entry of a palette; numbers that follow each other have different ones.
+uint palette_entry(uint value) { return value + 37u * (value >> 8u) & 255u; }
+
 // Its colour, sRGB; `top` is the column's, lattice steps from the anchor.
 vec3 srgb_of(uint shows, uint top) {
     if (!RAMPED || frame.color_source == COLOR_RGB) return bytes(shows);
     uint value = frame.color_source == COLOR_HEIGHT ? (top + uint(frame.height_anchor)) ^ HEIGHT_SIGN
                : frame.color_source == COLOR_CLASS ? class_of(shows)
-               : frame.color_source == COLOR_INTENSITY ? shows & 0xFFFFu
+               : frame.color_source == COLOR_CHANNEL || frame.color_source == COLOR_KNOWN ? shows & 0xFFFFu
+               : frame.color_source == COLOR_PALETTE ? palette_entry(shows & 0xFFFFu)
                                           : shows >> SHOWN_RETURNS_SHIFT & 0xFFu;
+    if (frame.color_source == COLOR_KNOWN && value == 0u) return UNKNOWN;
     float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, float(RAMP_ENTRIES - 1u)) : 0.0;
     int entry = int(at_entry);
     return mix(RAMP[entry].rgb, RAMP[min(entry + 1, int(RAMP_ENTRIES) - 1)].rgb, at_entry - float(entry));
@@ -48,6 +56,12 @@ uint bits_of(uint shows, uint slot, uvec2 column, uint face, bool span) {
     uint stands_in = detail + SECTION_LOG2 > (meta & META_LEVEL_MASK) ? BITS_STANDS_IN : 0u;
     return class_of(shows) | (measured ? ORIGIN_MEASURED : ORIGIN_BRIDGED) << BITS_ORIGIN_SHIFT | face << BITS_FACE_SHIFT
          | detail << BITS_DETAIL_SHIFT | stands_in;
+}
+
+// Third word of a finished hit record.
+uint rest_of(uint steps, uint shows) {
+    bool by_channel = RAMPED && (frame.color_source == COLOR_CHANNEL || frame.color_source == COLOR_PALETTE || frame.color_source == COLOR_KNOWN);
+    return min(steps, MOST_STEPS) | (by_channel ? shows << HIT_VALUE_SHIFT : 0u);
 }
 
 vec3 sky(vec3 direction) {

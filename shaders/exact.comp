@@ -45,6 +45,6 @@ void main() {
         vec4 sum = (miss ? background(ray.world) : vec4(linear_of(srgb_of(shows, uint(hit.top))), 1.0)) * push.sample_weight;
         if (push.sample_index > 0u) sum += COLOR[at];
         COLOR[at] = sum;
-        HIT[at] = uvec4(floatBitsToUint(hit.t), bits, min(hit.steps, MOST_STEPS), uint(hit.top));
+        HIT[at] = uvec4(floatBitsToUint(hit.t), bits, rest_of(hit.steps, shows), uint(hit.top));
     }
 }

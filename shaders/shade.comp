@@ -203,7 +203,7 @@ void main() {
     Ray ray = ray_of(pixel);
 
     vec4 color = vec4(0.0);
-    uint bits = BITS_MISS;
+    uint bits = BITS_MISS, seen = 0u;
     bool is_hit = hit.y != NO_NODE;
     if (is_hit) {
         uint meta = node_meta(hit.y);
@@ -268,6 +268,7 @@ void main() {
         vec3 albedo = is_slab ? SLAB : linear_of(srgb_of(shows, ramp_height));
         color = vec4(albedo, 1.0);
         if (is_hit) bits = bits_of(shows, hit.y, inner, face, is_span);
+        seen = is_hit ? shows : 0u;
 
         if (frame.shade == SHADE_LIT && is_hit) {
             float cell_steps = frame.cell_steps * float(1 << detail);
@@ -331,8 +332,8 @@ void main() {
     if (push.sample_index > 0u) sum += COLOR[at];
     COLOR[at] = sum;
 #ifdef STACKED
-    HIT[at] = uvec4(hit.x, bits, 0u, hit.w);
+    HIT[at] = uvec4(hit.x, bits, rest_of(0u, seen), hit.w);
 #else
-    HIT[at] = uvec4(hit.x, bits, hit.z >> HIT_STEPS_SHIFT, hit.w);
+    HIT[at] = uvec4(hit.x, bits, rest_of(hit.z >> HIT_STEPS_SHIFT, seen), hit.w);
 #endif
 }

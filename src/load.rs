@@ -1,6 +1,8 @@
 //! From inputs to sections: open, choose once for all files, read and bin. What every command starts with.
 
-use crate::attribute::{AttributeSummary, ColorMode, Kinds};
+use crate::attribute::{
+    AttributeSample, AttributeSummary, Attributes, Channel, ColorMode, Kinds, Spread, TimeScale,
+};
 use crate::coords::{
     Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, Hull, LowSurface, Outline, SectionKey, Slab, height_step,
 };
@@ -16,11 +18,12 @@ use crate::source::lax::{self, LaxError};
 use crate::source::learned::{Cache, Counts};
 use crate::source::length::{Length, NoUnit};
 use crate::source::placement::{Fit, KnownWorld, Operations, PlacementNote, PlacementOptions, Treatment};
-use crate::source::{LayerMemory, LidarFile, crs::Crs, crs::Unit};
+use crate::source::{LayerMemory, LidarFile, PointBlock, Reading, Selection, crs::Crs, crs::Unit};
 use crate::synth;
 use crate::text::tidy;
 use glam::DVec3;
 use indicatif::{HumanBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -53,6 +56,9 @@ pub enum LoadError {
     /// No input is left.
     #[error("nothing to draw: {0}")]
     Nothing(&'static str),
+    /// None of the points takes part.
+    #[error("nothing to draw: no point is selected ({0})")]
+    NoneSelected(String),
     /// More cells than the grid can count.
     #[error(
         "cell size {} is too small: {what} {} units would be {} cells, {most:.0} are possible",
@@ -197,12 +203,13 @@ pub fn paths(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) 
 
 /// Reads what is open. Problems are added even when this fails.
 pub fn read(opening: Opening, options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
-    let Opening { inputs, grid, core, about } = opening;
+    let Opening { inputs, grid, core, about, reading } = opening;
     // Sections and decoders share the host's memory.
     let layer_bytes = layer_bytes(options.budget.host_bytes);
     let layers = LayerMemory::new(layer_bytes);
     let host_bytes = options.budget.host_bytes - layer_bytes;
-    let bins = Bins::new(options.surface, grid, core, Budget { host_bytes, ..options.budget });
+    let bins =
+        Bins::new(options.surface, grid, core, Budget { host_bytes, ..options.budget }).with_reading(reading);
     let total = inputs.iter().map(|i| i.input.file.points()).sum();
     let inputs: Vec<_> = inputs.into_iter().map(|i| i.input).collect();
     let progress = ReadProgress::default();
@@ -236,6 +243,29 @@ pub struct Opening {
     pub core: Core,
     /// What is known of the whole.
     pub about: About,
+    /// Which points take part, and what their records hold: intensities, unless [`Opening::colored`] says otherwise.
+    pub reading: Reading,
+}
+
+impl Opening {
+    /// The same for pictures in these colours; `legend`: what those are chosen by. Says what files lack for that.
+    pub fn colored(mut self, mode: ColorMode, legend: &AttributeSummary, problems: &mut Problems) -> Opening {
+        if let Some(channel) = mode.channel(legend) {
+            self.reading.channel = channel;
+        }
+        self.say_lacking(problems);
+        self
+    }
+
+    /// Files that lack what is asked for, each once.
+    fn say_lacking(&self, problems: &mut Problems) {
+        for input in &self.inputs {
+            let file = &input.input.file;
+            if let Some(words) = self.reading.lacks(file.header.format) {
+                problems.warn(format!("{}: {words}", file.path().display()));
+            }
+        }
+    }
 }
 
 /// Opens `paths` and takes the opening sample.
@@ -251,17 +281,7 @@ pub fn open_and_tell(
     fates: &mut Fates,
 ) -> Result<Opening, LoadError> {
     let mut opened = open_files(paths, problems, fates);
-    for Opened { file, crs_errors, .. } in &opened {
-        let path = file.path().display();
-        file.warnings.iter().for_each(|warning| problems.warn(format!("{path}: {warning}")));
-        crs_errors.iter().for_each(|error| problems.warn(format!("{path}: {error}")));
-        if file.points() < file.header.claimed_points {
-            problems.lost(file.path());
-        }
-        if file.header.claimed_points == 0 && file.points() == 0 {
-            problems.warn(format!("{path}: holds no points"));
-        }
-    }
+    say_warnings(&opened, problems);
     look_up(&mut opened, options.cache.as_ref(), problems);
     // What is said of the whole names the file where there is but one.
     let subject = match &opened[..] {
@@ -272,6 +292,10 @@ pub fn open_and_tell(
     let mut sample =
         sample::take(&opened, &options.placement, &options.asked, &sample::SampleBudget::default());
     say_notes(&sample, &opened, &subject, problems);
+    let selection = &options.asked.selection;
+    if sample.whole && sample.selected == 0 && sample.points > 0 && !selection.is_all() {
+        return Err(none_selected(&opened, &sample.world.treatments, selection, fates, problems));
+    }
     let Some(bounds) = sample.bounds else {
         none_shown(&opened, &sample.world.treatments, fates);
         let mut errors: Vec<_> = sample.problems.iter().map(|(_, error)| error.to_string()).collect();
@@ -330,6 +354,7 @@ pub fn open_and_tell(
                 sampled: std::mem::take(&mut sample.files[index].kinds),
                 // Who is wrong about bounds is not believed in anything.
                 kept: if contradicted.is_none() { opened.counts } else { Counts::new() },
+                selected: sample.files[index].selected.take().map(|seen| (selection.clone(), seen)),
             };
             let known = match contradicted {
                 None => opened.known,
@@ -370,7 +395,8 @@ pub fn open_and_tell(
         operations: sample.world.operations,
         cell,
     };
-    Ok(Opening { inputs, grid, core: core(cell, &bounds), about })
+    let reading = Reading { selection: selection.clone(), channel: Channel::Intensity };
+    Ok(Opening { inputs, grid, core: core(cell, &bounds), about, reading })
 }
 
 /// The files of `paths` that can be opened; of the others it is said why not.
@@ -418,6 +444,39 @@ fn say_notes(sample: &sample::Sample, opened: &[Opened], subject: &str, problems
             false => problems.note(line),
         }
     }
+}
+
+/// What is odd about files themselves.
+fn say_warnings(opened: &[Opened], problems: &mut Problems) {
+    for Opened { file, crs_errors, .. } in opened {
+        let path = file.path().display();
+        file.warnings.iter().for_each(|warning| problems.warn(format!("{path}: {warning}")));
+        crs_errors.iter().for_each(|error| problems.warn(format!("{path}: {error}")));
+        if file.points() < file.header.claimed_points {
+            problems.lost(file.path());
+        }
+        if file.header.claimed_points == 0 && file.points() == 0 {
+            problems.warn(format!("{path}: holds no points"));
+        }
+    }
+}
+
+/// Why nothing is drawn where no point of any file takes part; what files lack that is asked for is said.
+fn none_selected(
+    opened: &[Opened],
+    treatments: &[Treatment],
+    selection: &Selection,
+    fates: &mut Fates,
+    problems: &mut Problems,
+) -> LoadError {
+    none_shown(opened, treatments, fates);
+    let reading = Reading { selection: selection.clone(), ..Reading::default() };
+    for file in opened.iter().map(|opened| &opened.file) {
+        if let Some(words) = reading.lacks(file.header.format) {
+            problems.warn(format!("{}: {words}", file.path().display()));
+        }
+    }
+    LoadError::NoneSelected(selection.words())
 }
 
 /// What becomes of files none of which has a point that could be shown.
@@ -489,28 +548,93 @@ fn disbelieve(file: &LidarFile, told: Told, cache: Option<&Cache>, problems: &mu
 }
 
 /// The embedded scene: the synthetic town, made in memory.
-pub fn demo(options: &LoadOptions, problems: &mut Problems) -> Result<Loaded, LoadError> {
-    let (town, tiles) = synth::demo();
-    tiles_of(&town, &tiles, options, problems)
-}
-
-/// The scan of `tiles`, at least one, of a synthetic town, made in memory.
-pub fn tiles_of(
-    town: &synth::Town,
-    tiles: &[synth::Tile],
+pub fn demo(
+    color: Option<ColorMode>,
     options: &LoadOptions,
     problems: &mut Problems,
 ) -> Result<Loaded, LoadError> {
-    struct Scan;
-    impl Meaning for Scan {
-        fn world(&self, block: &crate::source::PointBlock, i: usize) -> DVec3 {
-            let [x, y, z] = [block.x[i], block.y[i], block.z[i]].map(|v| f64::from(v) * synth::SCALE);
-            DVec3::new(x + synth::ORIGIN[0], y + synth::ORIGIN[1], z)
-        }
-        fn rgb(&self, block: &crate::source::PointBlock, i: usize) -> [u8; 3] {
-            block.rgb[i].map(|v| (v >> 8) as u8)
+    let (town, tiles) = synth::demo();
+    tiles_of(&town, &tiles, color, options, problems)
+}
+
+/// What the scan of a synthetic town means.
+struct Scan;
+
+impl Meaning for Scan {
+    fn world(&self, block: &PointBlock, i: usize) -> DVec3 {
+        let [x, y, z] = [block.x[i], block.y[i], block.z[i]].map(|v| f64::from(v) * synth::SCALE);
+        DVec3::new(x + synth::ORIGIN[0], y + synth::ORIGIN[1], z)
+    }
+    fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3] {
+        block.rgb[i].map(|v| (v >> 8) as u8)
+    }
+}
+
+/// Every 32nd point of such a scan.
+#[derive(Default)]
+struct ScanSample {
+    attributes: AttributeSample,
+    places: Vec<DVec3>,
+    source_ids: BTreeMap<u16, u64>,
+    angles: Vec<f64>,
+}
+
+impl ScanSample {
+    fn add(&mut self, block: &PointBlock, selection: &Selection, grid: &Grid) {
+        for i in (0..block.len()).step_by(32) {
+            let place = Scan.world(block, i);
+            let is_selected = selection.holds(block, i) && selection.heights.holds(place.z);
+            if let Some(height) = grid.height(place.z).filter(|_| is_selected)
+                && !sample::hidden_by_default(block.class[i], block.flags[i])
+            {
+                self.places.push(place);
+                *self.source_ids.entry(block.source_id[i]).or_default() += 1;
+                self.angles.push(f64::from(block.scan_angle[i]) * 0.006);
+                self.attributes.push(Attributes {
+                    height,
+                    class: block.class[i],
+                    intensity: block.intensity[i],
+                    rgb: Scan.rgb(block, i),
+                    returns: block.returns[i],
+                    flags: block.flags[i],
+                });
+            }
         }
     }
+}
+
+/// A block of a scan with all fields that are decoded of files.
+fn block_of(scan: &synth::ScanBlock) -> PointBlock {
+    PointBlock {
+        source_id: scan.source_id.clone(),
+        scan_angle: scan.scan_angle.iter().map(|degrees| (degrees / 0.006).round() as i16).collect(),
+        gps_time: scan.gps_time.clone(),
+        ..scan.points.clone()
+    }
+}
+
+/// First and last time of a scan of `tiles`.
+fn times_of(town: &synth::Town, tiles: &[synth::Tile]) -> TimeScale {
+    let mut times = TimeScale { from: f64::INFINITY, to: f64::NEG_INFINITY };
+    for tile in tiles {
+        let Ok(()) = synth::scan(town, tile, |scan| {
+            for time in &scan.gps_time {
+                (times.from, times.to) = (times.from.min(*time), times.to.max(*time));
+            }
+            Ok::<(), std::convert::Infallible>(())
+        });
+    }
+    times
+}
+
+/// The scan of `tiles`, at least one, of a synthetic town, made in memory, for pictures in these colours.
+pub fn tiles_of(
+    town: &synth::Town,
+    tiles: &[synth::Tile],
+    color: Option<ColorMode>,
+    options: &LoadOptions,
+    problems: &mut Problems,
+) -> Result<Loaded, LoadError> {
     let side = |axis: usize| {
         let low = tiles.iter().map(|t| t.corner[axis]).fold(f64::INFINITY, f64::min);
         let high = tiles.iter().map(|t| t.corner[axis] + t.size[axis]).fold(f64::NEG_INFINITY, f64::max);
@@ -522,9 +646,14 @@ pub fn tiles_of(
     let metre = Unit::metre();
     let cell = options.cell.unwrap_or(0.5.into()).in_units(Some(&metre)).map_err(LoadError::NoUnit)?;
     let grid = grid(cell, &flat)?;
-    let bins = Bins::new(options.surface, grid, core(cell, &flat), options.budget);
+    let selection = &options.asked.selection;
+    let times = (color == Some(ColorMode::GpsTime)).then(|| times_of(town, tiles));
+    let timed = AttributeSummary { times, ..AttributeSample::default().summary(&grid) };
+    let channel = color.and_then(|color| color.channel(&timed)).unwrap_or_default();
+    let reading = Reading { selection: selection.clone(), channel };
+    let bins = Bins::new(options.surface, grid, core(cell, &flat), options.budget).with_reading(reading);
     let progress = ReadProgress::default();
-    let sampled = std::sync::Mutex::new((crate::attribute::AttributeSample::default(), Vec::new()));
+    let sampled = std::sync::Mutex::new(ScanSample::default());
     watched(tiles.iter().map(|t| t.points).sum(), options.quiet, &progress, || {
         let next = std::sync::atomic::AtomicUsize::new(0);
         std::thread::scope(|scope| {
@@ -533,27 +662,11 @@ pub fn tiles_of(
                     let mut binner = Binner::default();
                     while let Some(tile) = tiles.get(next.fetch_add(1, Ordering::Relaxed)) {
                         let Ok(()) = synth::scan(town, tile, |scan| {
-                            binner.bin(&bins, &Scan, &scan.points);
+                            let block = block_of(scan);
+                            binner.bin(&bins, &Scan, &block);
                             progress.points.fetch_add(scan.len() as u64, Ordering::Relaxed);
                             let mut sampled = sampled.lock().unwrap_or_else(|e| e.into_inner());
-                            let (sampled, places) = &mut *sampled;
-                            for i in (0..scan.len()).step_by(32) {
-                                let p = &scan.points;
-                                let place = Scan.world(p, i);
-                                if let Some(height) = grid.height(place.z)
-                                    && !sample::hidden_by_default(p.class[i], p.flags[i])
-                                {
-                                    places.push(place);
-                                    sampled.push(crate::attribute::Attributes {
-                                        height,
-                                        class: p.class[i],
-                                        intensity: p.intensity[i],
-                                        rgb: Scan.rgb(p, i),
-                                        returns: p.returns[i],
-                                        flags: p.flags[i],
-                                    });
-                                }
-                            }
+                            sampled.add(&block, selection, &grid);
                             Ok::<(), std::convert::Infallible>(())
                         });
                     }
@@ -561,8 +674,22 @@ pub fn tiles_of(
             }
         });
     });
-    let (sampled, mut places) = sampled.into_inner().unwrap_or_else(|e| e.into_inner());
-    let summary = sampled.summary(&grid);
+    let sampled = sampled.into_inner().unwrap_or_else(|e| e.into_inner());
+    let ScanSample { attributes, mut places, source_ids, angles } = sampled;
+    if places.is_empty() && !selection.is_all() {
+        return Err(LoadError::NoneSelected(selection.words()));
+    }
+    let summary = AttributeSummary {
+        source_ids: source_ids.into_iter().collect(),
+        scan_angle: Spread::of(angles.into_iter().map(|angle| (angle, 1.0))),
+        // Evenly, as they are flown.
+        time: Spread::of(times.iter().flat_map(|times| {
+            (0..=100).map(|k| (times.from + (times.to - times.from) * f64::from(k) / 100.0, 1.0))
+        })),
+        times,
+        is_timed: true,
+        ..attributes.summary(&grid)
+    };
     // Whichever thread came first.
     places.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     let bounds =

@@ -568,6 +568,14 @@ fn wrong_arguments() {
         (&["--hide", "gorund"], "'gorund' is not a class"),
         (&["--range", "5,1"], "5 is not below 1"),
         (&["--range", "NaN,1"], "'NaN' is not finite"),
+        (&["--range", "5..1"], "5 is not below 1"),
+        (&["--range", "98%..2%"], "98% is not below 2%"),
+        (&["--range", "0%..101%"], "101% is not within 0% and 100%"),
+        (
+            &["--color", "density", "--range", "2%..98%"],
+            "colour range 2%..98%: no percentiles of point density are known before all points are read; give values, such as 0..",
+        ),
+        (&["--range", "3"], "'3' is not A..B, such as 180..260 or 2%..98%"),
         (&["--samples", "0"], "0 is not in 1..=256"),
         (&["--device", "99"], "there is no device 99; the devices are:"),
         (&["--device-memory", "plenty"], "'plenty' is not a number of bytes"),
@@ -1564,4 +1572,84 @@ fn bench_names_wrong_arguments() {
         assert!(ran.said.contains(says), "{arguments}: {}", ran.said);
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+/// Records of format 1, scale 0.01: land at 10 with four points of line 1 in each square metre of 64 x 64, a roof 5 above it in
+/// one place; in the east two points more of line 2, a quarter higher.
+fn two_lines() -> Vec<u8> {
+    let mut records = Vec::new();
+    let mut add = |x: f64, y: f64, z: f64, class: u8, line: u16| {
+        for v in [x, y, z] {
+            records.extend(((v * 100.0).round() as i32).to_le_bytes());
+        }
+        records.extend([0, 0, 0x09, class, 0, 0]);
+        records.extend(line.to_le_bytes());
+        records.extend(0f64.to_le_bytes());
+    };
+    for (i, j) in (0..64).flat_map(|i| (0..64).map(move |j| (i, j))) {
+        let (x, y) = (f64::from(i), f64::from(j));
+        let is_roof = (8..16).contains(&i) && (8..16).contains(&j);
+        let (z, class) = if is_roof { (15.0, 6) } else { (10.0, 2) };
+        for k in 0..4 {
+            add(x + 0.25 + 0.5 * f64::from(k % 2), y + 0.25 + 0.5 * f64::from(k / 2), z, class, 1);
+        }
+        if i >= 32 {
+            add(x + 0.3, y + 0.6, z + 0.25, class, 2);
+            add(x + 0.7, y + 0.4, z + 0.25, class, 2);
+        }
+    }
+    records
+}
+
+#[test]
+fn measures_of_a_made_file_are_what_it_was_made_with() {
+    use exr::prelude::FlatSamples;
+    let folder = tempfile::tempdir().unwrap();
+    let header = Some(([0.01; 3], [0.0; 3]));
+    let made = Made { records: two_lines(), header, ..Made::new(1, Packing::Plain, 1) };
+    fs::write(folder.path().join("lines.las"), made.bytes()).unwrap();
+    let values = |color: &str, more: &[&str]| {
+        let line =
+            ["render", "lines.las", "-o", "a.exr", "--shade", "none", "--ortho", "1", "--color", color];
+        let ran = run(folder.path(), &words(line.iter().chain(more).copied()), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        let image = exr::prelude::read_first_flat_layer_from_file(folder.path().join("a.exr")).unwrap();
+        let channel = |name: &str| {
+            image
+                .layer_data
+                .channel_data
+                .list
+                .iter()
+                .find(|channel| channel.name.to_string() == name)
+                .unwrap()
+        };
+        let FlatSamples::F32(distance) = &channel("distance").sample_data else { panic!("no distances") };
+        let FlatSamples::F32(of_mode) = &channel(&color.replace('-', "_")).sample_data else {
+            panic!("no values")
+        };
+        let seen: Vec<f32> =
+            distance.iter().zip(of_mode).filter(|(d, _)| d.is_finite()).map(|(_, value)| *value).collect();
+        assert!((4096 - 64..=4096).contains(&seen.len()), "{} pixels of {color}", seen.len());
+        seen
+    };
+    for surface in ["columns", "stacks"] {
+        for cell in ["1", "2"] {
+            let more = ["--cell", cell, "--surface", surface];
+            let what = format!("{surface}, cells of {cell}");
+            let shares = |values: &[f32], value: f32| {
+                let n = values.iter().filter(|v| **v == value || v.is_nan() && value.is_nan()).count();
+                n as f64 / values.len() as f64
+            };
+            let densities = values("density", &more);
+            for density in [4.0, 6.0] {
+                assert!((shares(&densities, density) - 0.5).abs() < 0.01, "{what}: {densities:?}");
+            }
+            let apart = values("line-difference", &more);
+            assert!((shares(&apart, f32::NAN) - 0.5).abs() < 0.01, "{what}: {apart:?}");
+            assert!((shares(&apart, 0.25) - 0.5).abs() < 0.01, "{what}: {apart:?}");
+            let above = values("height-above-ground", &more);
+            assert!((shares(&above, 5.0) - 64.0 / 4096.0).abs() < 0.001, "{what}: {above:?}");
+            assert!(shares(&above, 5.0) + shares(&above, 0.0) > 0.999, "{what}: {above:?}");
+        }
+    }
 }

@@ -1352,7 +1352,13 @@ fn ramps_and_ranges_are_chosen_and_colours_offered_where_they_are() {
         window.wait("settled");
         window.key("ctrl+c");
         let command = window.wait_all("command ").1;
-        assert!(command.contains(" --ramp viridis --range 215,"), "{command}");
+        assert!(command.contains(" --ramp viridis --range 215.."), "{command}");
+        type_low(Some("10%"));
+        window.wait("color height viridis");
+        window.wait("settled");
+        window.key("ctrl+c");
+        let command = window.wait_all("command ").1;
+        assert!(command.contains(" --ramp viridis --range 10%.."), "{command}");
         window.click("reset ramp");
         assert_eq!(window.wait("color height usual")[0], usual);
 

@@ -3,23 +3,27 @@
 //! Colours here (points' RGB, ramps, palettes) are sRGB-encoded; light is computed and EXR written in
 //! linear values: [`srgb_to_linear`] after the lookup, [`linear_to_srgb`] before an 8-bit file.
 
+mod channel;
 mod class;
 mod class_names;
 mod counts;
 mod mode;
 mod oklab;
 mod ramp;
+mod range;
 mod record;
 mod returns;
 mod srgb;
 mod summary;
 mod table;
 
+pub use channel::{AboveScale, Channel, Steps, TimeScale};
 pub use class::{ClassMask, Kinds, always_floats, class_color, class_name, is_always_solid, tells_nothing};
 pub use class_names::{class_names, class_numbers, classes_named};
 pub use counts::KindCounts;
 pub use mode::ColorMode;
 pub use ramp::Ramp;
+pub use range::{ColorRange, RangeEnd, RangeError};
 pub use record::{Attributes, Record};
 pub(crate) use record::{bias, unbias};
 pub use returns::ReturnKind;

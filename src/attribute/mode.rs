@@ -1,22 +1,34 @@
 //! What points are coloured by.
 
+use super::channel::Channel;
 use super::summary::AttributeSummary;
 use clap::ValueEnum;
 
-/// What a point is coloured by. The numbers are what the shaders switch on.
+/// What a point is coloured by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-#[repr(u32)]
 pub enum ColorMode {
     /// The points' own colours.
-    Rgb = 0,
+    Rgb,
     /// Height, by a ramp.
-    Height = 1,
+    Height,
     /// ASPRS class, by a palette.
-    Class = 2,
+    Class,
     /// Intensity, by a ramp.
-    Intensity = 3,
+    Intensity,
     /// Single, first, intermediate or last return.
-    Return = 4,
+    Return,
+    /// Point source id, by a palette: flight lines.
+    SourceId,
+    /// Scan angle, by a ramp about the nadir.
+    ScanAngle,
+    /// GPS time, by a ramp.
+    GpsTime,
+    /// Height above the ground, by a ramp.
+    HeightAboveGround,
+    /// Points in a square unit, by a ramp.
+    Density,
+    /// How far flight lines are apart, by a ramp.
+    LineDifference,
 }
 
 impl ColorMode {
@@ -28,6 +40,26 @@ impl ColorMode {
             ColorMode::Class => "class",
             ColorMode::Intensity => "intensity",
             ColorMode::Return => "return",
+            ColorMode::SourceId => "source-id",
+            ColorMode::ScanAngle => "scan-angle",
+            ColorMode::GpsTime => "gps-time",
+            ColorMode::HeightAboveGround => "height-above-ground",
+            ColorMode::Density => "density",
+            ColorMode::LineDifference => "line-difference",
+        }
+    }
+
+    /// What records are to hold for it; `None`: what they hold of class, height, returns and colours will do.
+    pub fn channel(self, sample: &AttributeSummary) -> Option<Channel> {
+        match self {
+            ColorMode::Rgb | ColorMode::Height | ColorMode::Class | ColorMode::Return => None,
+            ColorMode::Intensity => Some(Channel::Intensity),
+            ColorMode::SourceId => Some(Channel::SourceId),
+            ColorMode::ScanAngle => Some(Channel::ScanAngle),
+            ColorMode::GpsTime => Some(Channel::GpsTime(sample.times.unwrap_or_default())),
+            ColorMode::HeightAboveGround => Some(Channel::AboveGround(sample.above_scale())),
+            ColorMode::Density => Some(Channel::Density(sample.density_steps())),
+            ColorMode::LineDifference => Some(Channel::LineDifference(sample.difference_steps())),
         }
     }
 

@@ -236,7 +236,7 @@ impl<'a> StreamCase<'a> {
         let size = (bounds.max - bounds.min).truncate();
         let stage = PathStage {
             center: bounds.center().truncate(),
-            ground: self.about.summary.height.p2,
+            ground: self.about.summary.height.percentile(2.0),
             top: bounds.max.z,
             cell: self.cell,
             side: size.min_element(),

@@ -69,7 +69,7 @@ pub fn town(
     let side = sections * section;
     let corner = synth::ORIGIN.map(|o| ((o - side / 2.0) / section).round() * section - o);
     let tiles = synth::square(corner, side, points);
-    load::tiles_of(&synth::Town::new(seed), &tiles, options, problems)
+    load::tiles_of(&synth::Town::new(seed), &tiles, None, options, problems)
 }
 
 impl World {

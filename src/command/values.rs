@@ -1,7 +1,8 @@
 //! Values of arguments that several commands take: how they are typed, and which are allowed.
 
-use crate::attribute::{ColorMode, class_names, classes_named};
+use crate::attribute::{ColorMode, ColorRange, RangeError, class_names, classes_named};
 use crate::source::length::Length;
+use crate::source::{Interval, Returns, Selection, SourceIds};
 use glam::DVec3;
 use std::ffi::OsStr;
 use std::path::Path;
@@ -50,6 +51,46 @@ pub(super) struct Orbit {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct ClassList(pub(super) Vec<u8>);
 
+/// Which points take part at all.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub(super) struct SelectionArgs {
+    /// Only these returns of a pulse: first, last or only
+    #[arg(long, value_enum, default_value = "all", help_heading = "Points")]
+    returns: Returns,
+    /// Only points of these point source ids, as a rule flight lines: 3,7-9
+    #[arg(long, visible_alias = "point-source-id", help_heading = "Points", value_name = "LIST")]
+    source_id: Option<SourceIds>,
+    /// Only points of this intensity, as stored: 100..2000, 100.. or ..2000, both ends among them
+    #[arg(long, allow_hyphen_values = true, help_heading = "Points", value_name = "LOW..HIGH")]
+    intensity: Option<Interval>,
+    /// Only points of these heights, in units of the picture: 120..200
+    #[arg(
+        long,
+        visible_alias = "elevations",
+        alias = "z-range",
+        allow_hyphen_values = true,
+        help_heading = "Points",
+        value_name = "LOW..HIGH"
+    )]
+    heights: Option<Interval>,
+    /// Only points of these GPS times, s, as stored; points without one are not among them
+    #[arg(long, allow_hyphen_values = true, help_heading = "Points", value_name = "FROM..TO")]
+    gps_time: Option<Interval>,
+}
+
+impl SelectionArgs {
+    /// What they ask for.
+    pub(super) fn selection(&self) -> Selection {
+        Selection {
+            returns: self.returns,
+            source_ids: self.source_id.clone().unwrap_or_default(),
+            intensity: self.intensity.unwrap_or_default(),
+            heights: self.heights.unwrap_or_default(),
+            gps_time: self.gps_time.unwrap_or_default(),
+        }
+    }
+}
+
 fn number(text: &str) -> Result<f64, String> {
     let value: f64 = text.trim().parse().map_err(|_| format!("'{text}' is not a number"))?;
     if value.is_finite() { Ok(value) } else { Err(format!("'{text}' is not finite")) }
@@ -88,11 +129,19 @@ pub(super) fn color(text: &str) -> Result<Color, String> {
         "classes" | "classification" => Some(ColorMode::Class),
         "returns" => Some(ColorMode::Return),
         "i" => Some(ColorMode::Intensity),
+        "hag" | "height-above" | "above-ground" => Some(ColorMode::HeightAboveGround),
+        "point-density" => Some(ColorMode::Density),
+        "line-differences" | "strip-difference" | "dz" => Some(ColorMode::LineDifference),
+        "source" | "point-source-id" | "flight-line" | "line" => Some(ColorMode::SourceId),
+        "angle" => Some(ColorMode::ScanAngle),
+        "time" => Some(ColorMode::GpsTime),
         name => match clap::ValueEnum::from_str(name, true) {
             Ok(mode) => Some(mode),
             Err(_) => {
-                return Err("possible values: auto, rgb, height (or elevation, z), class, intensity, return"
-                    .to_owned());
+                return Err(
+                    "possible values: auto, rgb, height (or elevation, z), class, intensity, return, source-id, scan-angle, gps-time, height-above-ground (or hag), density, line-difference"
+                        .to_owned(),
+                );
             }
         },
     };
@@ -130,12 +179,8 @@ pub(super) fn orbit(text: &str) -> Result<Orbit, String> {
     }
 }
 
-pub(super) fn range(text: &str) -> Result<(f64, f64), String> {
-    match numbers(text)?[..] {
-        [lo, hi] if lo < hi => Ok((lo, hi)),
-        [lo, hi] => Err(format!("{lo} is not below {hi}")),
-        _ => Err(format!("'{text}' is not LO,HI")),
-    }
+pub(super) fn range(text: &str) -> Result<ColorRange, RangeError> {
+    text.parse()
 }
 
 /// `1280x720`.
@@ -284,6 +329,10 @@ mod tests {
             ("classification", ColorMode::Class),
             ("returns", ColorMode::Return),
             ("RGB", ColorMode::Rgb),
+            ("source-id", ColorMode::SourceId),
+            ("flight-line", ColorMode::SourceId),
+            ("Scan-Angle", ColorMode::ScanAngle),
+            ("gps-time", ColorMode::GpsTime),
         ] {
             assert_eq!(color(text), Ok(Color(Some(mode))), "{text}");
         }

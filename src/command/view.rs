@@ -4,8 +4,8 @@ use super::outcome::{Outcome, UsageError};
 use super::placement::PlacementArgs;
 use super::saved::{self, SavedWords};
 use super::targets::check_targets;
-use super::values::{self, Cell, ClassList, Color, Orbit, Place};
-use crate::attribute::{ClassMask, Ramp};
+use super::values::{self, Cell, ClassList, Color, Orbit, Place, SelectionArgs};
+use crate::attribute::{ClassMask, ColorRange, Ramp};
 use crate::gpu::{GpuError, GpuOptions};
 use crate::load::LoadError;
 use crate::output::{Protected, Target};
@@ -37,16 +37,18 @@ pub struct Args {
     /// Vertical exaggeration
     #[arg(long, default_value_t = 1.0, value_parser = values::positive, help_heading = "Picture")]
     z_scale: f64,
-    /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity or
-    /// return
+    /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity, return,
+    /// source-id, scan-angle, gps-time, height-above-ground (or hag), density (points in a square unit, over squares of four
+    /// cells each way, noise and withheld points left out) or line-difference (how far flight lines are apart there)
     #[arg(long, visible_alias = "colour", default_value = "auto", value_parser = values::color, help_heading = "Picture")]
     color: Color,
-    /// Colour ramp of heights and intensities
+    /// Colour ramp of heights, intensities, angles, times, densities and differences
     #[arg(long, value_enum, help_heading = "Picture")]
     ramp: Option<Ramp>,
-    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98]
-    #[arg(long, value_parser = values::range, allow_hyphen_values = true, help_heading = "Picture", value_name = "LO,HI")]
-    range: Option<(f64, f64)>,
+    /// Values at the ramp's ends, or percentiles of what the data have: 180..260, 2%..98% or 0..98% [default: 2%..98%; of scan
+    /// angles and times all; of heights above ground, densities and differences from 0]
+    #[arg(long, value_parser = values::range, allow_hyphen_values = true, help_heading = "Picture", value_name = "A..B")]
+    range: Option<ColorRange>,
     /// Light, or plain colours
     #[arg(long, value_enum, default_value = "lit", help_heading = "Picture")]
     shade: Shade,
@@ -65,6 +67,9 @@ pub struct Args {
     /// Show withheld points
     #[arg(long, help_heading = "Picture")]
     withheld: bool,
+
+    #[command(flatten)]
+    selection: SelectionArgs,
 
     /// Where the camera is: E,N,U
     #[arg(long, value_parser = in_window, requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, help_heading = "Camera", value_name = "E,N,U")]
@@ -177,6 +182,8 @@ impl Args {
                 host_bytes: self.host_memory,
                 device_bytes: self.device_memory,
                 visibility: Visibility { classes, withheld: self.withheld, bridge, near_ties: true },
+                selection: self.selection.selection(),
+                color: self.color.0,
                 cache: self.cache(),
             },
             color: self.color.0,

@@ -4,11 +4,13 @@
 //! does not depend on the order of blocks, threads or files. When the sections outgrow a budget, all of them
 //! are coarsened by one power of two, which equals having binned at that size from the start.
 
-use crate::attribute::{Attributes, Record};
-use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey, Stacking};
+pub use super::meaning::Meaning;
+use super::selecting::Selector;
+use crate::attribute::{Attributes, Channel, Record};
+use crate::coords::{CellIndex, Grid, Height, Ordinary, SECTION_SIDE, SectionKey};
 use crate::limits::LIMITS;
-use crate::section::{Columns, Surface, column_index, device_bytes};
-use crate::source::PointBlock;
+use crate::section::{Columns, Measure, Surface, column_index, device_bytes};
+use crate::source::{PointBlock, Reading};
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard, TryLockError};
@@ -33,6 +35,7 @@ pub struct Budget {
 /// All sections while points arrive.
 pub struct Bins {
     surface: Surface,
+    reading: Reading,
     /// Read-locked while a block is binned; write-locked to coarsen.
     grid: RwLock<Grid>,
     sections: Mutex<HashMap<SectionKey, Shared>>,
@@ -56,9 +59,9 @@ struct Strays {
 /// A section that several threads put points into.
 pub type Shared = Arc<Mutex<Columns>>;
 
-/// One without points.
-pub fn shared(surface: Surface, stacking: Stacking) -> Shared {
-    Arc::new(Mutex::new(Columns::new(surface, stacking)))
+/// A section of a level of `grid` without points, whose records are to hold `channel`.
+pub fn columns(surface: Surface, channel: &Channel, grid: &Grid, level: u8) -> Columns {
+    Columns::new(surface, grid.stacking(level)).measuring(Measure::of(channel, grid, level))
 }
 
 /// Cells of the base grid, west-east and south-north, that the data is believed to lie in.
@@ -91,6 +94,7 @@ impl Bins {
     pub fn new(surface: Surface, grid: Grid, core: Core, budget: Budget) -> Bins {
         Bins {
             surface,
+            reading: Reading::default(),
             grid: RwLock::new(grid),
             sections: Mutex::default(),
             strays: Mutex::default(),
@@ -100,6 +104,16 @@ impl Bins {
             device_bytes: AtomicU64::new(0),
             outside: AtomicU64::new(0),
         }
+    }
+
+    /// The same, of points as `reading` has them.
+    pub fn with_reading(self, reading: Reading) -> Bins {
+        Bins { reading, ..self }
+    }
+
+    /// Which points take part, and what their records hold.
+    pub fn reading(&self) -> &Reading {
+        &self.reading
     }
 
     fn read_grid(&self) -> RwLockReadGuard<'_, Grid> {
@@ -116,9 +130,15 @@ impl Bins {
         }
     }
 
-    /// The section `key`, made if need be; `stacking`: of the grid.
-    fn section(&self, key: SectionKey, stacking: Stacking) -> Shared {
-        Arc::clone(lock(&self.sections).entry(key).or_insert_with(|| shared(self.surface, stacking)))
+    /// One without points.
+    fn columns(&self, grid: &Grid) -> Columns {
+        columns(self.surface, &self.reading.channel, grid, 0)
+    }
+
+    /// The section `key` of `grid`, made if need be.
+    fn section(&self, key: SectionKey, grid: &Grid) -> Shared {
+        let make = || Arc::new(Mutex::new(self.columns(grid)));
+        Arc::clone(lock(&self.sections).entry(key).or_insert_with(make))
     }
 
     fn over_budget(&self) -> bool {
@@ -145,13 +165,12 @@ impl Bins {
         }
         grid.coarsen += 1;
         grid.anchor = grid.anchor.map(|a| a >> 1);
-        let stacking = grid.stacking(0);
         let mut sections = lock(&self.sections);
         let mut parents = HashMap::<SectionKey, Columns>::new();
         for (key, child) in sections.drain() {
             // Keys stay at level 0: the grid itself is coarser now.
             let parent = SectionKey { level: 0, ..key.parent() };
-            let parent = parents.entry(parent).or_insert_with(|| Columns::new(self.surface, stacking));
+            let parent = parents.entry(parent).or_insert_with(|| self.columns(&grid));
             lock(&child).coarsen_into(key.i, key.j, parent);
         }
         let (mut host, mut device) = (0, 0);
@@ -191,28 +210,15 @@ impl Bins {
         } else {
             let side = SECTION_SIDE as i32 - 1;
             for (cell, (_, record)) in cells.into_iter().zip(strays.points) {
-                let of_strays = || Columns::new(self.surface, grid.stacking(0));
-                let columns = sections.entry(SectionKey::of(cell)).or_insert_with(of_strays);
-                columns.add((cell.i & side) as u32, (cell.j & side) as u32, record);
+                let of_strays = || columns(self.surface, &self.reading.channel, &grid, 0);
+                let of_cell = sections.entry(SectionKey::of(cell)).or_insert_with(of_strays);
+                of_cell.add((cell.i & side) as u32, (cell.j & side) as u32, record);
             }
         }
         let mut sections: Vec<_> = sections.into_iter().collect();
+        sections.iter_mut().for_each(|(_, columns)| columns.finish_measure());
         sections.sort_unstable_by_key(|(key, _)| *key);
         Some(Binned { grid, sections, outside })
-    }
-}
-
-/// What a file's points mean: set once a file.
-pub trait Meaning {
-    /// World coordinates of point `i` of `block`, CRS units.
-    fn world(&self, block: &PointBlock, i: usize) -> glam::DVec3;
-    /// Its colour in 8 bits.
-    fn rgb(&self, block: &PointBlock, i: usize) -> [u8; 3];
-    /// [`Meaning::world`] of the points from `first` on, axis by axis.
-    fn world_of_many(&self, block: &PointBlock, first: usize, [e, n, u]: [&mut [f64]; 3]) {
-        for (k, ((e, n), u)) in e.iter_mut().zip(n).zip(u).enumerate() {
-            (*e, *n, *u) = self.world(block, first + k).into();
-        }
     }
 }
 
@@ -239,6 +245,7 @@ pub struct Binner {
     /// Start of each section's runs in `order`.
     starts: Vec<u32>,
     order: Vec<Run>,
+    selector: Selector,
 }
 
 /// Record of point `i` of `block`.
@@ -255,16 +262,21 @@ fn record(meaning: &impl Meaning, block: &PointBlock, i: usize, height: Height) 
 }
 
 impl Binner {
-    /// Puts the points of `block` into their columns. O(points).
+    /// Puts those points of `block` that take part into their columns. O(points).
     pub fn bin(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
+        let mut selector = std::mem::take(&mut self.selector);
+        self.bin_selected(bins, meaning, selector.apply(&bins.reading, meaning, block));
+        self.selector = selector;
+    }
+
+    fn bin_selected(&mut self, bins: &Bins, meaning: &impl Meaning, block: &PointBlock) {
         let mut first = 0;
         while first < block.len() {
             let grid = bins.read_grid();
             let stray = &mut |at, record| bins.keep_stray(at, record);
             let (next, outside) = self.place(&grid, &bins.core, meaning, block, first, stray);
             self.group();
-            let stacking = grid.stacking(0);
-            let grown = self.put(meaning, block, first, &|key| Some(bins.section(key, stacking)));
+            let grown = self.put(meaning, block, first, &|key| Some(bins.section(key, &grid)));
             bins.outside.fetch_add(outside, Ordering::Relaxed);
             bins.host_bytes.fetch_add(grown[0] as u64, Ordering::Relaxed);
             bins.device_bytes.fetch_add(grown[1] as u64, Ordering::Relaxed);

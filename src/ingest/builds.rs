@@ -7,18 +7,19 @@
 
 use super::bins::{self, Shared};
 use super::counts::{self, FileCounts};
-use super::input::{Input, OpenInput};
+use super::input::{Input, OpenInput, SeenKinds};
 use crate::attribute::{KindCounts, Kinds};
 use crate::coords::{Extent, Grid, SectionKey};
 use crate::limits::LIMITS;
+use crate::sample::SampledKinds;
 use crate::section::{PayloadKey, PayloadKind, Surface};
-use crate::source::SourceError;
 use crate::source::known::{RawBounds, Told};
 use crate::source::learned::Counts;
+use crate::source::{Reading, SourceError};
 use glam::DVec3;
 use roaring::RoaringBitmap;
 use std::collections::{HashMap, HashSet, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 /// Finest cells: first, and the one after the last.
 pub type Cells = [[i32; 2]; 2];
@@ -43,6 +44,15 @@ pub struct Source {
     has_learned: bool,
     /// What its points are.
     counts: FileCounts,
+    /// The same of those that take part, where not all do.
+    selected: Option<FileCounts>,
+}
+
+impl Source {
+    /// What the points are that take part.
+    fn now(&self) -> &FileCounts {
+        self.selected.as_ref().unwrap_or(&self.counts)
+    }
 }
 
 /// What is known of a chunk.
@@ -59,6 +69,8 @@ struct Chunk {
     is_told: bool,
     /// Its points are among those of [`Source::counts`].
     is_counted: bool,
+    /// And among those of [`Source::selected`].
+    is_selected_counted: bool,
     /// Sections that lack it.
     lacked_by: u32,
 }
@@ -102,8 +114,26 @@ pub struct Job {
     pub index: usize,
     /// Who lacks it.
     pub targets: Vec<(PayloadKey, Shared)>,
-    /// Its points are to be counted.
+    /// Its points that take part are to be counted.
     pub counts: bool,
+    /// Which those are, and what their records hold.
+    pub reading: Arc<Reading>,
+}
+
+/// How sections are made of points.
+#[derive(Clone, Debug)]
+pub struct Made {
+    /// What the points of a column stand for.
+    pub surface: Surface,
+    /// Which points take part, and what their records hold.
+    pub reading: Reading,
+}
+
+impl From<Surface> for Made {
+    /// Of all points, as they are stored.
+    fn from(surface: Surface) -> Made {
+        Made { surface, reading: Reading::default() }
+    }
 }
 
 /// What came of a job.
@@ -117,7 +147,7 @@ pub struct Outcome {
     pub points: u64,
     /// Of those, such as no cell or height can hold, or that have no place in the world's coordinate system.
     pub nowhere: u64,
-    /// Points of each kind (class, withheld), where they were counted.
+    /// Points of each kind (class, withheld) that take part, where they were counted.
     pub kinds: Option<Vec<((u8, bool), u64)>>,
 }
 
@@ -158,6 +188,7 @@ pub struct Progress {
 pub struct Builds {
     grid: Grid,
     surface: Surface,
+    reading: Arc<Reading>,
     sources: Vec<Source>,
     chunks: Vec<Chunk>,
     builds: HashMap<PayloadKey, Build>,
@@ -209,12 +240,14 @@ fn reaches_out(inner: Cells, outer: Cells) -> bool {
 }
 
 impl Builds {
-    /// Nothing yet, on `grid`, of columns as `surface` has them. `budget_bytes`: of sections that are being made, until they
-    /// are packed.
-    pub fn new(surface: Surface, grid: Grid, budget_bytes: u64) -> Builds {
+    /// Nothing yet, on `grid`, of columns and points as `made` has them. `budget_bytes`: of sections that are being made, until
+    /// they are packed.
+    pub fn new(made: impl Into<Made>, grid: Grid, budget_bytes: u64) -> Builds {
+        let Made { surface, reading } = made.into();
         Builds {
             grid,
             surface,
+            reading: Arc::new(reading),
             sources: Vec::new(),
             chunks: Vec::new(),
             builds: HashMap::new(),
@@ -286,7 +319,10 @@ impl Builds {
             system: _,
             is_in_frame: _,
         } = open;
-        let counts = FileCounts::new(input.file.points(), kinds);
+        let SeenKinds { sampled, kept, selected } = kinds;
+        let selected = selected.filter(|(selection, _)| *selection == self.reading.selection);
+        let selected = self.counts_of_selected(input.file.points(), selected.map(|(_, seen)| seen));
+        let counts = FileCounts::new(input.file.points(), sampled, kept);
         let grid = self.grid;
         let extent = bounds.and_then(|b| {
             let [low, high] = cells_of(&grid, b.min, b.max)?;
@@ -313,6 +349,7 @@ impl Builds {
                 broken: false,
                 is_told: false,
                 is_counted: false,
+                is_selected_counted: false,
                 lacked_by: 0,
             });
         }
@@ -326,8 +363,41 @@ impl Builds {
             busy: 0,
             has_learned: false,
             counts,
+            selected,
         };
         (source, chunks)
+    }
+
+    /// What is counted of the points that take part, of so many; `None`: all do.
+    fn counts_of_selected(&self, points: u64, seen: Option<SampledKinds>) -> Option<FileCounts> {
+        let is_all = self.reading.selection.is_all();
+        (!is_all).then(|| FileCounts::new(points, seen.unwrap_or_default(), Default::default()))
+    }
+
+    /// Other points take part, or their records hold something else: every section is to be rebuilt.
+    pub fn set_reading(&mut self, reading: Reading) {
+        let is_other = reading.selection != self.reading.selection;
+        self.reading = Arc::new(reading);
+        self.revision += 1;
+        if is_other {
+            for source in 0..self.sources.len() {
+                let points = self.sources[source].input.file.points();
+                self.sources[source].selected = self.counts_of_selected(points, None);
+            }
+            self.chunks.iter_mut().for_each(|chunk| chunk.is_selected_counted = false);
+            self.counted += 1;
+        }
+        let all: Vec<_> = self.builds.keys().copied().collect();
+        all.into_iter().for_each(|key| self.drop_build(key));
+        self.in_transit.clear();
+        let bytes: u64 = self.finished.drain(..).map(|finished| finished.bytes).sum();
+        self.waiting_bytes -= bytes;
+        self.admit();
+    }
+
+    /// Which points take part, and what their records hold.
+    pub fn reading(&self) -> &Arc<Reading> {
+        &self.reading
     }
 
     /// Shows or hides a file.
@@ -449,7 +519,8 @@ impl Builds {
             self.progress.lacking += u64::from(chunk.lacked_by == 0);
             chunk.lacked_by += 1;
         }
-        let columns = bins::shared(self.surface, self.grid.stacking(key.section.level));
+        let columns = bins::columns(self.surface, &self.reading.channel, &self.grid, key.section.level);
+        let columns = Arc::new(Mutex::new(columns));
         self.builds.insert(key, Build { columns, lacks, bytes: 0, damaged });
         self.finish_if_whole(key);
     }
@@ -503,14 +574,16 @@ impl Builds {
             .filter(|(_, build)| build.lacks.contains(chunk))
             .map(|(&key, build)| (key, Arc::clone(&build.columns)))
             .collect();
-        let counts = !self.chunks[chunk as usize].is_counted;
+        let state = &self.chunks[chunk as usize];
+        let counts = !if source.selected.is_some() { state.is_selected_counted } else { state.is_counted };
+        let reading = Arc::clone(&self.reading);
         let index = (chunk - source.first) as usize;
-        Some(Job { chunk, input: Arc::clone(&source.input), index, targets, counts })
+        Some(Job { chunk, input: Arc::clone(&source.input), index, targets, counts, reading })
     }
 
     /// Takes in what came of a job.
     pub fn finish_job(&mut self, job: Job, outcome: Outcome) {
-        let Job { chunk, input, index, targets, counts: _ } = job;
+        let Job { chunk, input, index, targets, counts: _, reading } = job;
         self.progress.points_read += outcome.points;
         self.progress.bytes_read += input.file.chunks[index].byte_len;
         let state = &mut self.chunks[chunk as usize];
@@ -530,12 +603,17 @@ impl Builds {
         let lost = matches!(outcome.error, Some(SourceError::Io { .. } | SourceError::Changed { .. }));
         let broken = outcome.error.is_some();
         // Of a damaged chunk there is no more than was read; one of a file that is lost may be there again.
-        if let Some(kinds) = outcome.kinds.filter(|_| !lost)
-            && !std::mem::replace(&mut state.is_counted, true)
-        {
-            let of_file = &mut self.sources[source];
-            of_file.counts.count(input.file.chunks[index].records, kinds);
-            of_file.has_learned |= of_file.counts.news().is_some();
+        let is_of_now = reading.selection == self.reading.selection;
+        if let Some(kinds) = outcome.kinds.filter(|_| !lost && is_of_now) {
+            let (of_file, records) = (&mut self.sources[source], input.file.chunks[index].records);
+            if let Some(selected) = &mut of_file.selected {
+                if !std::mem::replace(&mut state.is_selected_counted, true) {
+                    selected.count(records, kinds);
+                }
+            } else if !std::mem::replace(&mut state.is_counted, true) {
+                of_file.counts.count(records, kinds);
+                of_file.has_learned |= of_file.counts.news().is_some();
+            }
             self.counted += 1;
         }
         if let Some(error) = outcome.error {
@@ -656,17 +734,18 @@ impl Builds {
         }
     }
 
-    /// Points of these kinds were seen in a file.
+    /// Points of these kinds that take part were seen in a file.
     pub fn note_kinds(&mut self, source: usize, kinds: &Kinds) {
-        self.sources[source].counts.note(kinds);
+        let source = &mut self.sources[source];
+        source.selected.as_mut().unwrap_or(&mut source.counts).note(kinds);
         self.counted += 1;
     }
 
-    /// What the points of the files that are shown are, and a number that changes with that; `None` where it is still
+    /// What the points of the files that are shown are, as far as they take part, and a number that changes with that; `None` where it is still
     /// `known`.
     pub fn kinds(&self, known: Option<[u64; 2]>) -> Option<([u64; 2], KindCounts)> {
         let version = [self.revision, self.counted];
-        let shown = || self.sources.iter().filter(|source| source.visible).map(|source| &source.counts);
+        let shown = || self.sources.iter().filter(|source| source.visible).map(Source::now);
         (known != Some(version)).then(|| (version, counts::of_all(shown())))
     }
 
@@ -725,7 +804,7 @@ impl Builds {
     pub fn progress(&self) -> Progress {
         let shown = self.sources.iter().filter(|source| source.visible);
         Progress {
-            points_seen: shown.map(|source| source.input.file.points() - source.counts.left()).sum(),
+            points_seen: shown.map(|source| source.input.file.points() - source.now().left()).sum(),
             builds: self.builds.len() as u64,
             build_bytes: self.waiting_bytes + self.builds.values().map(|build| build.bytes).sum::<u64>(),
             ..self.progress

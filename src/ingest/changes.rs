@@ -1,6 +1,6 @@
-//! What becomes of the files while they are seen, and which sections are made of other files since.
+//! What becomes of the files while they are seen, and which sections are made of other files or points since.
 //!
-//! A change is [queued](Changes::push) by whoever shows, hides, adds or replaces files, and [applied](Changes::apply) as soon
+//! What is read of all files changes in the same way, and then everything is made anew. A change is [queued](Changes::push) by whoever shows, hides, adds or replaces files, and [applied](Changes::apply) as soon
 //! as the threads that read let go of what they share. From then on [`Changes::is_outdated`] tells what was made before.
 
 use super::bins::Core;
@@ -8,6 +8,7 @@ use super::builds::Builds;
 use super::feed::{Arrival, Feed, FeedGuard};
 use super::input::OpenInput;
 use crate::section::{PayloadKey, PayloadKind};
+use crate::source::Reading;
 use std::collections::{HashMap, HashSet, VecDeque};
 
 /// What is to become of the files.
@@ -20,6 +21,8 @@ pub enum Change {
     Replace(Vec<(usize, OpenInput)>, Core),
     /// The points of some lie elsewhere than was believed.
     Corrected(Vec<usize>),
+    /// Other points of all take part, or their records hold something else.
+    Read(Reading),
 }
 
 /// See the module. It does not grow with the number of changes.
@@ -43,8 +46,11 @@ fn touched(builds: &Builds, sources: &[usize], known: &HashSet<PayloadKey>) -> V
 }
 
 impl Changes {
-    /// To be applied, after those before.
+    /// To be applied, after those before. What is to be read of all files takes the place of what was to be before.
     pub fn push(&mut self, change: Change) {
+        if matches!(change, Change::Read(_)) {
+            self.pending.retain(|pending| !matches!(pending, Change::Read(_)));
+        }
         self.pending.push_back(change);
     }
 
@@ -82,6 +88,15 @@ impl Changes {
                     self.add_all(builds.revision());
                 }
                 Change::Corrected(sources) => changed(held.builds(), &sources),
+                Change::Read(reading) => {
+                    let builds = held.builds();
+                    if **builds.reading() == reading {
+                        continue;
+                    }
+                    builds.set_reading(reading);
+                    all_touched.extend(known.iter().filter(|key| key.kind == PayloadKind::Columns));
+                    self.add_all(builds.revision());
+                }
             }
         }
         all_touched

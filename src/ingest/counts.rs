@@ -1,7 +1,6 @@
 //! Points of each kind, counted as chunks are read: each chunk once, however often it is decoded. What was not read yet is
 //! estimated from the opening sample.
 
-use super::input::SeenKinds;
 use crate::attribute::{KindCounts, Kinds};
 use crate::sample::SampledKinds;
 use crate::source::learned::Counts;
@@ -85,7 +84,7 @@ pub struct FileCounts {
 
 impl FileCounts {
     /// Of a file of so many records, of which that is known.
-    pub fn new(records: u64, SeenKinds { sampled, kept }: SeenKinds) -> FileCounts {
+    pub fn new(records: u64, sampled: SampledKinds, kept: Counts) -> FileCounts {
         let whole = || sampled.weights.iter().map(|(kind, weight)| (*kind, weight.round() as u64)).collect();
         // Of a damaged file less was counted than there are.
         let is_sound = !kept.is_empty() && kept.values().sum::<u64>() <= records;
@@ -131,7 +130,7 @@ impl FileCounts {
         let known = self.exact().unwrap_or(&self.counted);
         let mut of: BTreeMap<_, f64> = known.iter().map(|(kind, n)| (*kind, *n as f64)).collect();
         if self.exact().is_none() {
-            let sampled: f64 = self.sampled.weights.values().sum();
+            let sampled = self.sampled.all;
             for (&kind, weight) in &self.sampled.weights {
                 *of.entry(kind).or_default() += self.left as f64 * weight / sampled;
             }
@@ -156,9 +155,9 @@ pub fn of_all<'a>(files: impl Iterator<Item = &'a FileCounts>) -> KindCounts {
 mod tests {
     use super::*;
 
-    fn sampled(weights: &[((u8, bool), f64)], is_whole: bool) -> SeenKinds {
-        let sampled = SampledKinds { weights: weights.iter().copied().collect(), is_whole };
-        SeenKinds { sampled, kept: Counts::new() }
+    fn sampled(weights: &[((u8, bool), f64)], is_whole: bool) -> SampledKinds {
+        let weights: BTreeMap<_, _> = weights.iter().copied().collect();
+        SampledKinds { all: weights.values().sum(), weights, is_whole }
     }
 
     #[test]
@@ -181,7 +180,8 @@ mod tests {
     #[test]
     fn what_was_not_read_is_estimated_and_what_was_read_is_not() {
         let [ground, rare] = [(2, false), (15, true)];
-        let mut file = FileCounts::new(1000, sampled(&[(ground, 30.0), ((5, false), 10.0)], false));
+        let seen = sampled(&[(ground, 30.0), ((5, false), 10.0)], false);
+        let mut file = FileCounts::new(1000, seen.clone(), Counts::new());
         let of = |file: &FileCounts| of_all([file].into_iter());
         assert_eq!(of(&file).of, BTreeMap::from([(ground, 750), ((5, false), 250)]));
         assert!(!of(&file).is_exact);
@@ -196,34 +196,38 @@ mod tests {
         assert_eq!(of(&file), exact, "what the sample had seen is counted by now");
         assert_eq!((exact.of_class(15), exact.of_class(2), exact.of_class(9)), ([10; 2], [989, 0], [0; 2]));
 
-        let whole = FileCounts::new(40, sampled(&[(ground, 40.0)], true));
+        let whole = FileCounts::new(40, sampled(&[(ground, 40.0)], true), Counts::new());
         let both = of_all([&whole, &file].into_iter());
         assert!(both.is_exact && both.of_class(2) == [1029, 0]);
         // Nothing is known of a file whose sample could not be read.
-        let unknown = FileCounts::new(7, SeenKinds::default());
+        let unknown = FileCounts::new(7, SampledKinds::default(), Counts::new());
         assert_eq!(of(&unknown), KindCounts::default());
+        // Where some are not selected, the sample has seen fewer than there are records.
+        let half = FileCounts::new(1000, SampledKinds { all: 80.0, ..seen }, Counts::new());
+        assert_eq!(of(&half).of, BTreeMap::from([(ground, 375), ((5, false), 125)]));
     }
 
     #[test]
     fn what_was_counted_before_is_believed_until_it_is_counted() {
         let ground = (2, false);
-        let seen =
-            |kept: u64| SeenKinds { kept: [(ground, kept)].into(), ..sampled(&[((5, false), 1.0)], false) };
+        let new = |records: u64, kept: u64| {
+            FileCounts::new(records, sampled(&[((5, false), 1.0)], false), [(ground, kept)].into())
+        };
         let of = |file: &FileCounts| of_all([file].into_iter());
-        let mut file = FileCounts::new(100, seen(100));
+        let mut file = new(100, 100);
         assert_eq!((of(&file).of, of(&file).is_exact), ([(ground, 100)].into(), true));
         file.count(60, vec![(ground, 60)]);
         assert_eq!((of(&file).of, file.left(), file.news()), ([(ground, 100)].into(), 40, None));
         // As it was, or not.
-        let mut same = FileCounts::new(100, seen(100));
+        let mut same = new(100, 100);
         same.count(100, vec![(ground, 100)]);
         assert_eq!(same.news(), None);
         file.count(40, vec![((6, false), 40)]);
         assert_eq!(file.news(), Some(&[(ground, 60), ((6, false), 40)].into()));
         assert_eq!(of(&file).of, [(ground, 60), ((6, false), 40)].into());
         // More than there are, and what told lies of something else.
-        assert!(!of(&FileCounts::new(99, seen(100))).is_exact);
-        let mut liar = FileCounts::new(100, seen(100));
+        assert!(!of(&new(99, 100)).is_exact);
+        let mut liar = new(100, 100);
         liar.disbelieve();
         assert_eq!((of(&liar).of, of(&liar).is_exact), ([((5, false), 100)].into(), false));
     }

@@ -14,16 +14,17 @@ use super::budget::Shares;
 use super::builds::{Builds, Finished, Job, Learned, Outcome, Progress};
 use super::counts::Histogram;
 use super::input::Input;
+use super::selecting::Selector;
 use super::sparse::{self, Sparse};
 use super::workers::panicked;
-use crate::attribute::KindCounts;
+use crate::attribute::{KindCounts, Kinds};
 use crate::coords::{Grid, SectionKey};
 use crate::limits::LIMITS;
-use crate::section::{Payload, PayloadKey, PayloadKind};
+use crate::section::{Columns, Measure, Payload, PayloadKey, PayloadKind};
 use crate::source::contain::caught;
 use crate::source::known::RawBounds;
 use crate::source::learned::Cache;
-use crate::source::{Decoder, LayerMemory, PointBlock};
+use crate::source::{Decoder, Fields, LayerMemory, PointBlock, Reading};
 use crossbeam_channel::{Receiver, Sender};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -213,6 +214,7 @@ enum Task {
         most: usize,
         read: Option<Arc<Sparse>>,
         sections: Sections,
+        reading: Arc<Reading>,
     },
     Chunk(Job),
     Pack(Finished),
@@ -475,7 +477,8 @@ fn next(inner: &Inner) -> Option<Task> {
                 Arc::ptr_eq(of, &input) && (read.most() >= most / 2 || read.has_all())
             };
             let read = sparse.get(&source).filter(enough).map(|(_, read)| Arc::clone(read));
-            return Some(Task::Sample { source, input, level, most, read, sections });
+            let reading = Arc::clone(builds.reading());
+            return Some(Task::Sample { source, input, level, most, read, sections, reading });
         }
         let may_pack = builds.next_finished().is_some_and(|columns| inner.may_pack(columns));
         if may_pack && let Some(finished) = builds.take_finished() {
@@ -510,33 +513,43 @@ fn work(inner: &Inner, send: &Sender<Arrival>, wake: &dyn Fn()) {
                 }
                 maintain_cache(inner);
             }
-            Task::Sample { source, input, level, most, read, sections } => {
+            Task::Sample { source, input, level, most, read, sections, reading } => {
                 let taken = caught(|| {
-                    let Tools { decoder, binner, .. } = &mut tools;
+                    let Tools { decoder, binner, histogram, selector } = &mut tools;
+                    // All of them: they cost next to nothing here, and any of them may be asked for later.
+                    decoder.set_fields(Fields::ALL);
                     let of_file = read.unwrap_or_else(|| Arc::new(Sparse::read(decoder, &input.file, most)));
+                    let measure = Measure::of(&reading.channel, &inner.grid, level).map(Measure::of_sample);
                     let section = |key: SectionKey| {
-                        Some(Arc::clone(lock(&sections).entry(SectionKey { level, ..key }).or_default()))
+                        let make = || Arc::new(Mutex::new(Columns::default().measuring(measure)));
+                        let mut sections = lock(&sections);
+                        Some(Arc::clone(sections.entry(SectionKey { level, ..key }).or_insert_with(make)))
                     };
                     for block in of_file.blocks() {
+                        let block = selector.apply(&reading, &*input, block);
+                        histogram.add(block);
                         binner.bin_into(&grid_at(&inner.grid, level), &core, &*input, block, &section);
                     }
-                    of_file
+                    let kinds = histogram.take().into_iter().map(|(kind, _)| kind).collect();
+                    (of_file, kinds)
                 });
                 let mut told = false;
-                let of_file = taken.unwrap_or_else(|reason| {
+                let (of_file, kinds): (_, Kinds) = taken.unwrap_or_else(|reason| {
                     tools = Tools::new(&inner.layers);
                     let path = input.file.path().display();
                     let line = format!("{path}: looking at it ended in a fault of the program: {reason}");
                     // Nobody may be left to hear it.
                     told = inner.notices.send(Notice::Error(line)).is_ok();
-                    Arc::default()
+                    Default::default()
                 });
                 let mut state = inner.lock();
                 let State { builds, sample, sparse, .. } = &mut *state;
                 // Another file may be in its place by now.
                 if Arc::ptr_eq(&input, &builds.sources()[source].input) {
                     builds.check_sample(source, of_file.bounds());
-                    builds.note_kinds(source, of_file.kinds());
+                    if builds.reading().selection == reading.selection {
+                        builds.note_kinds(source, &kinds);
+                    }
                     if of_file.is_whole() {
                         sparse.insert(source, (input, of_file));
                     }
@@ -589,6 +602,7 @@ struct Tools {
     decoder: Decoder,
     binner: Binner,
     histogram: Histogram,
+    selector: Selector,
 }
 
 impl Tools {
@@ -597,6 +611,7 @@ impl Tools {
             decoder: Decoder::sharing(layers),
             binner: Binner::default(),
             histogram: Histogram::default(),
+            selector: Selector::default(),
         }
     }
 }
@@ -608,7 +623,8 @@ fn pack(inner: &Inner, finished: Finished) -> Arrival {
     let is_sample = key.kind == PayloadKind::Sample;
     let charged = if is_sample { 0 } else { packed_bytes_at_most(column_bytes) };
     let payload = caught(|| {
-        let columns = lock(&columns);
+        let mut columns = lock(&columns);
+        columns.finish_measure();
         (columns.points() > 0).then(|| columns.pack())
     });
     drop(columns);
@@ -671,13 +687,15 @@ fn read(inner: &Inner, core: &Core, tools: &mut Tools, job: &Job) -> Outcome {
         levels.into_iter().map(|(level, of_level)| (grid_at(&inner.grid, level), of_level)).collect();
     let mut outcome = Outcome::default();
     let mut raw = RawBounds::NOTHING;
-    let Tools { decoder, binner, histogram } = &mut *tools;
+    let Tools { decoder, binner, histogram, selector } = &mut *tools;
+    decoder.set_fields(job.reading.fields());
     let result = caught(|| {
         decoder.decode(file, chunk, 0..chunk.records, &mut |block: &PointBlock| {
             outcome.points += block.len() as u64;
             for (axis, values) in [&block.x, &block.y, &block.z].into_iter().enumerate() {
                 raw.widen(axis, values);
             }
+            let block = selector.apply(&job.reading, &*job.input, block);
             if job.counts {
                 histogram.add(block);
             }

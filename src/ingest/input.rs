@@ -1,12 +1,12 @@
 //! A file that is to be read, and what its numbers mean: from raw records to world coordinates and colours.
 
-use super::bins::Meaning;
+use super::meaning::Meaning;
 use crate::coords::{Bounds, Hull};
 use crate::sample::{RgbDepth, SampledKinds};
 use crate::source::known::Known;
 use crate::source::learned::Counts;
 use crate::source::placement::Placement;
-use crate::source::{LidarFile, PointBlock};
+use crate::source::{LidarFile, PointBlock, Selection};
 use glam::DVec3;
 
 /// A file that is to be read, and what its numbers mean.
@@ -82,4 +82,6 @@ pub struct SeenKinds {
     pub sampled: SampledKinds,
     /// By what counted all of it before; empty: nothing did.
     pub kept: Counts,
+    /// The same of the points that a selection holds, as the opening sample has seen them.
+    pub selected: Option<(Selection, SampledKinds)>,
 }

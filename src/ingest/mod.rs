@@ -7,5 +7,7 @@ pub mod changes;
 pub mod counts;
 pub mod feed;
 pub mod input;
+pub mod meaning;
+pub mod selecting;
 pub mod sparse;
 pub mod workers;

@@ -1,8 +1,6 @@
 //! The sparse sample: a few points of every chunk of every file, the first picture of everything. What was read of a file
 //! is remembered, so that files may come and go without the others being read again.
 
-use super::counts::Histogram;
-use crate::attribute::Kinds;
 use crate::limits::LIMITS;
 use crate::source::known::RawBounds;
 use crate::source::{Decoder, LidarFile, PointBlock};
@@ -50,7 +48,6 @@ pub fn level(points: u64, cells: f64, root: u8) -> u8 {
 pub struct Sparse {
     blocks: Vec<PointBlock>,
     bounds: Vec<(usize, RawBounds)>,
-    kinds: Kinds,
     most: usize,
     has_all: bool,
     is_whole: bool,
@@ -78,9 +75,6 @@ impl Sparse {
             of_chunk => decoder.sparse_records(file, of_chunk, &mut take),
         };
         sparse.is_whole = read.is_ok();
-        let mut histogram = Histogram::default();
-        sparse.blocks.iter().for_each(|block| histogram.add(block));
-        sparse.kinds = histogram.take().into_iter().map(|(kind, _)| kind).collect();
         file.bytes.release();
         sparse
     }
@@ -116,11 +110,6 @@ impl Sparse {
     /// Its points.
     pub fn blocks(&self) -> &[PointBlock] {
         &self.blocks
-    }
-
-    /// What they are.
-    pub fn kinds(&self) -> &Kinds {
-        &self.kinds
     }
 
     /// What they say of chunks: index, and a box that the chunk's own holds.

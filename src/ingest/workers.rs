@@ -74,7 +74,12 @@ pub fn read_all(
         for _ in 0..threads.max(1) {
             let (receive, errors, left, gone) = (receive.clone(), &errors, &left, &gone);
             scope.spawn(move || {
-                let (mut decoder, mut binner) = (Decoder::sharing(layers), Binner::default());
+                let new_decoder = || {
+                    let mut decoder = Decoder::sharing(layers);
+                    decoder.set_fields(bins.reading().fields());
+                    decoder
+                };
+                let (mut decoder, mut binner) = (new_decoder(), Binner::default());
                 for Job { input, chunk } in receive {
                     let source = &inputs[input];
                     if !gone[input].load(Ordering::Relaxed) && !progress.stop.load(Ordering::Relaxed) {
@@ -90,7 +95,7 @@ pub fn read_all(
                             })
                         });
                         let result = result.unwrap_or_else(|reason| {
-                            (decoder, binner) = (Decoder::sharing(layers), Binner::default());
+                            (decoder, binner) = (new_decoder(), Binner::default());
                             Err(panicked(&source.file, chunk, points, &reason))
                         });
                         let read = time_reading() - read_before;

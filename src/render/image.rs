@@ -1,6 +1,6 @@
 //! The image in memory, and the files it is written to.
 
-use crate::attribute::linear_to_srgb;
+use crate::attribute::{Channel, linear_to_srgb};
 use crate::coords::Grid;
 use crate::output::{Output, SOFTWARE};
 use crate::render::camera::Camera;
@@ -71,6 +71,39 @@ pub struct Image {
     pub origin: Vec<u32>,
     /// What of it was hit (`shared::passes::FACE_…`); 0 on a miss. Goes into no file.
     pub face: Vec<u8>,
+    /// What the records that were hit hold in their channel, where colours are by that.
+    pub values: Option<Values>,
+}
+
+/// What records hold in their channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Values {
+    /// What codes mean.
+    pub channel: Channel,
+    /// One a pixel; 0 on a miss.
+    pub codes: Vec<u16>,
+}
+
+impl Values {
+    /// The values, one a pixel, with the name of a layer of a file; times count from the first that there is a code for. Not a
+    /// number where a point has none.
+    fn samples(&self) -> (&'static str, FlatSamples) {
+        let numbers = || FlatSamples::U32(self.codes.iter().map(|&code| code.into()).collect());
+        let values = |from: f64| {
+            let value =
+                |&code: &u16| self.channel.value(code).map_or(f32::NAN, |value| (value - from) as f32);
+            FlatSamples::F32(self.codes.iter().map(value).collect())
+        };
+        match self.channel {
+            Channel::Intensity => ("intensity", numbers()),
+            Channel::SourceId => ("source_id", numbers()),
+            Channel::ScanAngle => ("scan_angle", values(0.0)),
+            Channel::GpsTime(scale) => ("gps_time", values(scale.from)),
+            Channel::AboveGround(_) => ("height_above_ground", values(0.0)),
+            Channel::Density(_) => ("density", values(0.0)),
+            Channel::LineDifference(_) => ("line_difference", values(0.0)),
+        }
+    }
 }
 
 /// Key and value of a text that goes into the file, e.g. the camera as typed. Keys: 1 to 79 ASCII letters.
@@ -103,6 +136,7 @@ impl Image {
             steps: 0,
             origin: vec![0; pixels],
             face: vec![0; pixels],
+            values: None,
         }
     }
 
@@ -163,7 +197,9 @@ impl Image {
         })
     }
 
-    /// Writes channels `R G B A distance height` (f32) and `class origin` (UINT), losslessly packed.
+    /// Writes channels `R G B A distance height` (f32) and `class origin` (UINT), losslessly packed; where colours are by what
+    /// records hold in their channel, that, too: `intensity` or `source_id` (UINT), `scan_angle` (f32, degrees) or `gps_time`
+    /// (f32, seconds since the attribute `gpsTimeFrom`).
     pub fn write_exr(&self, output: Output, notes: &[Note]) -> Result<(), ImageError> {
         self.check(output.path())?;
         let color = |k: usize| FlatSamples::F32(self.color.iter().map(|c| c[k]).collect());
@@ -177,7 +213,12 @@ impl Image {
             ("class", FlatSamples::U32(self.class.clone())),
             ("origin", FlatSamples::U32(self.origin.clone())),
         ];
-        let channels = channels.into_iter().map(|(name, samples)| AnyChannel::new(name, samples)).collect();
+        let values = self.values.as_ref().map(Values::samples);
+        let channels = channels
+            .into_iter()
+            .chain(values)
+            .map(|(name, samples)| AnyChannel::new(name, samples))
+            .collect();
         // EXR texts are one byte a letter.
         let text = |s: &str| {
             let plain =
@@ -186,6 +227,10 @@ impl Image {
         };
         let mut attributes =
             LayerAttributes { software_name: Some(text(SOFTWARE)), ..LayerAttributes::default() };
+        if let Some(Values { channel: Channel::GpsTime(scale), .. }) = &self.values {
+            let from = AttributeValue::Text(text(&scale.from.to_string()));
+            attributes.other.insert(text("gpsTimeFrom"), from);
+        }
         for (key, value) in notes {
             attributes.other.insert(text(key), AttributeValue::Text(text(value)));
         }

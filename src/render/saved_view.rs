@@ -8,20 +8,25 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
 /// Options that a view may have: what is seen, never where something is written.
-pub const OPTIONS: [&str; 17] = [
+pub const OPTIONS: [&str; 22] = [
     "assume-crs",
     "cell",
     "classes",
     "color",
     "crs",
+    "gps-time",
+    "heights",
     "hide",
+    "intensity",
     "mix-crs",
     "no-bridge",
     "ramp",
     "range",
+    "returns",
     "rgb-bits",
     "shade",
     "size",
+    "source-id",
     "surface",
     "withheld",
     "z-scale",

@@ -2,6 +2,7 @@
 //! under the cursor.
 
 use super::frame::{Band, FrameError, HitRecord, Renderer, View, ViewRays, derive_colors, halves, sample_at};
+use crate::attribute::Channel;
 use crate::gpu::{
     Buffer, BufferCopy, Commands, ComputePipeline, GpuError, MemoryKind, PipelineDesc, QueueKind, SyncPoint,
     Timestamps, TracedImage, shaders,
@@ -10,7 +11,7 @@ use crate::resident::scene::Scene;
 use crate::resident::table::Table;
 use crate::shared::passes::{
     BITS_CLASS_MASK, BITS_DETAIL_MASK, BITS_DETAIL_SHIFT, BITS_FACE_MASK, BITS_FACE_SHIFT, BITS_ORIGIN_MASK,
-    BITS_ORIGIN_SHIFT, BITS_STANDS_IN, FACE_TOP, ORIGIN_BRIDGED, SCREEN_THREADS, WIDE_TILE,
+    BITS_ORIGIN_SHIFT, BITS_STANDS_IN, FACE_TOP, HIT_VALUE_SHIFT, ORIGIN_BRIDGED, SCREEN_THREADS, WIDE_TILE,
 };
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -42,6 +43,8 @@ pub struct PickedPoint {
     pub height: f64,
     /// Class of the record; of one that is as high, where near ties count: see [`crate::resident::visibility::Visibility`].
     pub class: u8,
+    /// What the record holds in its channel, where colours are by that.
+    pub value: Option<(Channel, u16)>,
     /// How far the place lies below the record, on the column's side (or within it, where the eye is); `None`: on its top.
     pub below: Option<f64>,
     /// The column holds no record: it bridges a hole, as high as those around.
@@ -63,6 +66,7 @@ impl PickedPoint {
             shown,
             height,
             class,
+            value: asked.channel.map(|channel| (channel, (hit.rest >> HIT_VALUE_SHIFT) as u16)),
             below: (!is_top).then(|| (height - place).max(0.0)),
             is_bridged: hit.bits >> BITS_ORIGIN_SHIFT & BITS_ORIGIN_MASK == ORIGIN_BRIDGED,
             coarse_cell: (detail > 0).then(|| renderer.cell_of(detail)),
@@ -91,6 +95,8 @@ struct Refinement {
 #[derive(Clone)]
 struct Hits {
     rays: ViewRays,
+    /// What values of records mean, where colours are by those.
+    channel: Option<Channel>,
     size: [u32; 2],
     /// Where in a pixel the rays went through, pixels from its centre.
     offset: [f64; 2],
@@ -101,6 +107,7 @@ struct PendingPick {
     at: [f64; 2],
     pixel: [f64; 2],
     rays: ViewRays,
+    channel: Option<Channel>,
     point: Option<SyncPoint>,
 }
 
@@ -207,7 +214,7 @@ impl Screen {
         });
         if done {
             let offset = sample_at(sample, samples).map(|sixteenths| f64::from(sixteenths - 8) / 16.0);
-            self.hits = Some(Hits { rays, size, offset });
+            self.hits = Some(Hits { rays, channel: view.colors.channel, size, offset });
             let bytes = u64::from(width) * u64::from(height) * 4;
             let words = match self.words.take().filter(|b| b.size() >= bytes) {
                 Some(words) => words,
@@ -263,7 +270,7 @@ impl Screen {
         scene.order.readback(commands, &[(records, &back, copy)]);
         slot.back = Some(back);
         let pixel = std::array::from_fn(|axis| f64::from(pixel[axis]) + hits.offset[axis]);
-        slot.asked = Some(PendingPick { at, pixel, rays: hits.rays, point: None });
+        slot.asked = Some(PendingPick { at, pixel, rays: hits.rays, channel: hits.channel, point: None });
         Ok(true)
     }
 

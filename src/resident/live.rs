@@ -16,12 +16,13 @@ use crate::coords::{Grid, SectionKey};
 use crate::gpu::GpuError;
 use crate::ingest::bins::Core;
 use crate::ingest::budget::Shares;
-use crate::ingest::builds::{Builds, Progress};
+use crate::ingest::builds::{Builds, Made, Progress};
 use crate::ingest::changes::{Change, Changes};
 use crate::ingest::feed::{Arrival, Feed, Notice};
 use crate::ingest::input::OpenInput;
 use crate::ingest::sparse;
-use crate::section::{Payload, PayloadKey, PayloadKind, Surface};
+use crate::section::{Payload, PayloadKey, PayloadKind};
+use crate::source::Reading;
 use crate::source::learned::Cache;
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -114,11 +115,11 @@ fn domain_of(grid: &Grid, builds: &Builds) -> (Domain, u8) {
 }
 
 impl Live {
-    /// Of files, on `grid`, with columns as `surface` has them. `host_bytes`: of everything that is held in host memory; `wake` is called when there is
+    /// Of files, on `grid`, with columns and points as `made` has them. `host_bytes`: of everything that is held in host memory; `wake` is called when there is
     /// something for [`Live::tick`].
     pub fn new(
         inputs: Vec<OpenInput>,
-        surface: Surface,
+        made: impl Into<Made>,
         grid: Grid,
         core: Core,
         host_bytes: u64,
@@ -126,7 +127,7 @@ impl Live {
         wake: impl Fn() + Send + Sync + 'static,
     ) -> Live {
         let shares = Shares::of(host_bytes);
-        let mut builds = Builds::new(surface, grid, shares.builds);
+        let mut builds = Builds::new(made, grid, shares.builds);
         let sources = inputs.len();
         for input in inputs {
             builds.add(input);
@@ -186,6 +187,12 @@ impl Live {
     /// Other files in the place of some: what either touches is rebuilt.
     pub fn replace_files(&mut self, files: Vec<(usize, OpenInput)>, core: Core) {
         self.change(Change::Replace(files, core));
+    }
+
+    /// Reads other points of all files, or something else of them: everything is rebuilt, what is seen first. Until then the old
+    /// versions stay.
+    pub fn set_reading(&mut self, reading: Reading) {
+        self.change(Change::Read(reading));
     }
 
     fn change(&mut self, change: Change) {
@@ -374,6 +381,15 @@ impl Live {
         let wanted: HashSet<_> = self.demand.wanted().seen.iter().copied().collect();
         let unseen = |key: &PayloadKey| !wanted.contains(key) && key.kind != PayloadKind::Sample;
         let gone: Vec<_> = scene.resident().filter(unseen).collect();
+        self.payloads.evict(scene, &gone)?;
+        self.show(scene);
+        Ok(())
+    }
+
+    /// Takes off the device what is of the files and points as they were: once all that is seen is of those as they are.
+    pub fn evict_stale(&mut self, scene: &mut Scene) -> Result<(), GpuError> {
+        let stale: HashSet<_> = self.payloads.stale().collect();
+        let gone: Vec<_> = scene.resident().filter(|key| stale.contains(key)).collect();
         self.payloads.evict(scene, &gone)?;
         self.show(scene);
         Ok(())

@@ -19,9 +19,9 @@ pub struct Visibility {
 }
 
 impl Visibility {
-    /// What of the points is asked for.
+    /// What of the points is asked for, of those that take part.
     pub fn asked(&self) -> Asked {
-        Asked { classes: self.classes, withheld: self.withheld }
+        Asked { classes: self.classes, withheld: self.withheld, ..Asked::default() }
     }
 
     /// Whether points of this class are shown.

@@ -4,8 +4,8 @@ use super::open::Opened;
 use super::parallel::parallel;
 use super::quantile::median;
 use super::seen::{Seen, append, unpack};
-use crate::source::LidarFile;
 use crate::source::crs::{Crs, CrsKind};
+use crate::source::{LidarFile, Selection};
 use glam::DVec3;
 
 /// Files with fewer chunks are looked into: one wrong point among their first ones would count too much.
@@ -32,7 +32,9 @@ pub(super) fn of_files(files: &[Opened], firsts: &[Vec<Seen>]) -> Vec<DVec3> {
         let mut seen = Vec::new();
         for chunk in &file.chunks {
             // A broken chunk is reported when it is drawn; here it only tells less.
-            let _ = decoder.decode(file, chunk, 0..RECORDS, &mut |block| append(block, &mut seen));
+            let _ = decoder.decode(file, chunk, 0..RECORDS, &mut |block| {
+                append(block, &Selection::default(), &mut seen)
+            });
         }
         file.bytes.release();
         middle(file, if seen.is_empty() { &firsts[index] } else { &seen })

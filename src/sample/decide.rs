@@ -6,18 +6,18 @@ use super::facts::{facts, in_nodes};
 use super::frame::{self, FrameNote};
 use super::ground;
 use super::open::Opened;
-use super::places;
+use super::places::{self, Place};
 use super::read::{read_firsts, read_places, rgb_of};
 use super::rgb::{self, RgbDepth};
-use super::seen::{Asked, Seen, hidden_by_default};
+use super::seen::{Asked, Seen, hidden_by_default, unpack};
 use super::shapes::{Shape, Shapes};
-use super::summary::{Shown, counts, summarise};
+use super::summary::{Shown, counts, summarise, times};
 use super::weighted::Weighted;
-use crate::attribute::{AttributeSummary, Kinds};
-use crate::coords::{Bounds, Hull};
+use crate::attribute::{AttributeSummary, Kinds, Spread};
+use crate::coords::{Bounds, Hull, LowSurface};
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
-use crate::source::{FLAG_WITHHELD, SourceError};
+use crate::source::{FLAG_WITHHELD, Selection, SourceError};
 use std::collections::BTreeMap;
 
 /// Points spread over the set that one place of neighbouring points is worth.
@@ -30,18 +30,24 @@ const HEAD_WORTH: f64 = 40.0;
 pub struct SampledKinds {
     /// What they weigh among each other; points, where `is_whole`.
     pub weights: BTreeMap<(u8, bool), f64>,
+    /// What all that were seen weigh: more where only some of them are meant.
+    pub all: f64,
     /// Every point of the file was seen.
     pub is_whole: bool,
 }
 
 impl SampledKinds {
-    fn of(seen: &[(&Seen, f64)], is_whole: bool) -> SampledKinds {
-        let mut weights = BTreeMap::new();
+    fn of(seen: &[(&Seen, f64)], is_whole: bool, is_meant: impl Fn(&Seen) -> bool) -> SampledKinds {
+        let (mut weights, mut all) = (BTreeMap::new(), 0.0);
         for (seen, weight) in seen {
             let kind = (seen.class, seen.flags & FLAG_WITHHELD != 0);
-            *weights.entry(kind).or_default() += if is_whole { 1.0 } else { *weight };
+            let weight = if is_whole { 1.0 } else { *weight };
+            all += weight;
+            if is_meant(seen) {
+                *weights.entry(kind).or_default() += weight;
+            }
         }
-        SampledKinds { weights, is_whole }
+        SampledKinds { weights, all, is_whole }
     }
 }
 
@@ -68,6 +74,8 @@ pub struct FileSample {
     pub contradicted: Option<Told>,
     /// What its points are, as far as they were seen.
     pub kinds: SampledKinds,
+    /// The same of those that take part, where not all do.
+    pub selected: Option<SampledKinds>,
 }
 
 /// The opening sample's decisions.
@@ -81,6 +89,8 @@ pub struct Sample {
     pub points: u64,
     /// Points that were looked at.
     pub sampled: u64,
+    /// Those of them that take part.
+    pub selected: u64,
     /// Every point was.
     pub whole: bool,
     /// Cell size, density, coverage.
@@ -88,9 +98,9 @@ pub struct Sample {
     /// Of the points that were asked for (where there are none of them, of those shown by default, or of all); counts are
     /// estimates unless `whole`.
     pub attributes: AttributeSummary,
-    /// Points of each class, hidden ones included; estimates unless `counted`.
+    /// Points of each class that take part, hidden ones included; estimates unless `counted`.
     pub classes: Box<[u64; 256]>,
-    /// Kinds of points that were seen, hidden ones included.
+    /// Kinds of points that take part and were seen, hidden ones included.
     pub kinds: Kinds,
     /// Every point was looked at, and none could not be read.
     pub counted: bool,
@@ -106,10 +116,86 @@ pub struct Sample {
     pub problems: Vec<(usize, SourceError)>,
 }
 
+/// The points of a sample that take part.
+struct Tally {
+    kinds: Kinds,
+    /// Weights by class.
+    classes: Vec<f64>,
+    selected: u64,
+}
+
+impl Tally {
+    fn of(sample: &Weighted) -> Tally {
+        let mut tally = Tally { kinds: Kinds::new(), classes: vec![0.0; 256], selected: 0 };
+        for (seen, weight) in sample.points.iter().flatten().filter(|(seen, _)| seen.is_selected) {
+            tally.selected += 1;
+            tally.kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
+            tally.classes[usize::from(seen.class)] += weight;
+        }
+        tally
+    }
+}
+
+/// Places, and the points of each.
+type SeenAt<'a> = (&'a Vec<Place>, &'a mut Vec<Vec<Seen>>);
+
+/// Points take part only where they lie as high as asked for: first points of chunks, a file, and those of places.
+fn mark_heights(
+    files: &[Opened],
+    world: &World,
+    selection: &Selection,
+    (firsts, places): (&mut [Vec<Seen>], [SeenAt; 2]),
+) {
+    if selection.heights.is_all() {
+        return;
+    }
+    let firsts = firsts.iter_mut().enumerate();
+    let of_places = places.into_iter().flat_map(|(places, seen)| places.iter().map(|at| at.file).zip(seen));
+    for (file, seen) in firsts.chain(of_places) {
+        let Some(placement) = &world.placements[file] else { continue };
+        for seen in seen {
+            let point = unpack(&files[file].file, seen.raw);
+            seen.is_selected &= selection.heights.holds(placement.place(point.x, point.y, point.z).z);
+        }
+    }
+}
+
+/// The points of a sample that are shown, but for such as lie far from the others of their file.
+fn shown_points<'a>(
+    sample: &Weighted<'a>,
+    framed: &[frame::Framed],
+    rgb: &[RgbDepth],
+    is_shown: impl Fn(&Seen) -> bool,
+) -> Vec<Shown<'a>> {
+    let mut shown = Vec::new();
+    for (file, points) in sample.points.iter().enumerate() {
+        for &(seen, weight) in points.iter().filter(|(seen, _)| is_shown(seen)) {
+            let at = sample.place(file, seen);
+            if at.is_finite() && framed[file].keeps(at) {
+                shown.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
+            }
+        }
+    }
+    shown
+}
+
+/// How far the points that are `shown` are above a low surface.
+fn above(
+    low: &LowSurface,
+    sample: &Weighted,
+    framed: &[frame::Framed],
+    shown: impl Fn(&Seen) -> bool + Copy,
+) -> Spread {
+    let of_file = |file: usize| sample.placed(file, shown).filter(move |(at, _)| framed[file].keeps(*at));
+    let placed = (0..framed.len()).flat_map(of_file);
+    Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
+}
+
 /// Takes the opening sample of `files` (sorted by path) and decides; `asked`: what is to be shown at first.
 pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget: &SampleBudget) -> Sample {
     let mut problems = Vec::new();
-    let firsts = read_firsts(files, budget, &mut problems);
+    let selection = &asked.selection;
+    let mut firsts = read_firsts(files, selection, budget, &mut problems);
     let world = World::of(&facts(files, &firsts), options);
     let drawn: Vec<usize> = (0..files.len()).filter(|&index| world.placements[index].is_some()).collect();
     let points: u64 = drawn.iter().map(|&index| files[index].file.points()).sum();
@@ -120,10 +206,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         true => places::every_place(files, &drawn),
         false => places::chosen_places(files, &drawn, points, budget),
     };
-    let seen = read_places(files, &places, &mut problems);
+    let mut seen = read_places(files, selection, &places, &mut problems);
     let heads = if whole { Vec::new() } else { places::heads(files, &drawn, points, budget) };
     // A chunk that is broken from its start is reported when it is drawn.
-    let heads_seen = read_places(files, &heads, &mut Vec::new());
+    let mut heads_seen = read_places(files, selection, &heads, &mut Vec::new());
+    let of_places = [(&places, &mut seen), (&heads, &mut heads_seen)];
+    mark_heights(files, &world, selection, (&mut firsts, of_places));
     let in_nodes: Vec<bool> =
         (0..files.len()).map(|index| in_nodes(&files[index].file, &firsts[index])).collect();
     let contradicted: Vec<Option<Told>> = files
@@ -142,8 +230,9 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let everything =
         sample.points.iter().flatten().all(|(seen, _)| hidden_by_default(seen.class, seen.flags));
     let usual = |seen: &Seen| everything || !hidden_by_default(seen.class, seen.flags);
-    let is_there = sample.points.iter().flatten().any(|(seen, _)| asked.shows(seen.class, seen.flags));
-    let shown = |seen: &Seen| if is_there { asked.shows(seen.class, seen.flags) } else { usual(seen) };
+    let is_asked = |seen: &Seen| seen.is_selected && asked.shows(seen.class, seen.flags);
+    let is_there = sample.points.iter().flatten().any(|(seen, _)| is_asked(seen));
+    let shown = |seen: &Seen| if is_there { is_asked(seen) } else { usual(seen) };
     let framed: Vec<frame::Framed> =
         (0..files.len()).map(|file| sample.framed(file, usual).unwrap_or_default()).collect();
     let (frame, in_frame, notes) = frame::whole(&framed, |file| files[file].file.points(), whole);
@@ -157,21 +246,11 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         true => (of_all, (None, vec![None; files.len()])),
         false => (shapes.of_shown(&usual, &shown), of_all),
     };
-    let mut kinds = Kinds::new();
-    let mut classes = vec![0.0; 256];
-    let mut shown_points = Vec::new();
-    for (file, points) in sample.points.iter().enumerate() {
-        for &(seen, weight) in points {
-            kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
-            classes[usize::from(seen.class)] += weight;
-            let at = sample.place(file, seen);
-            if shown(seen) && at.is_finite() && framed[file].keeps(at) {
-                shown_points.push(Shown { seen, weight, u: at.z, rgb: rgb[file].to_8_bit(seen.rgb) });
-            }
-        }
-    }
+    let Tally { kinds, classes, selected } = Tally::of(&sample);
+    let shown_points = shown_points(&sample, framed, &rgb, shown);
     let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
     let ground = ground::Ground {
+        selection,
         files,
         budget,
         drawn: &drawn,
@@ -183,14 +262,26 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     };
     let patches = ground::patches(&places, &seen, &ground);
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
+    let cell = cell::choose(&patches, finest.fold(f64::INFINITY, f64::min));
+    let above = shape.as_ref().map_or(Spread::default(), |(_, low)| above(low, &sample, framed, shown));
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,
         sampled,
+        selected,
         counted: whole && sampled == points,
         whole,
-        cell: cell::choose(&patches, finest.fold(f64::INFINITY, f64::min)),
-        attributes: summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file))),
+        cell,
+        attributes: AttributeSummary {
+            above,
+            density: cell.density,
+            metre: world.unit.as_ref().map_or(1.0, |unit| unit.si.recip()),
+            times: times(
+                sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight)),
+                whole,
+            ),
+            ..summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file)))
+        },
         classes: counts(&classes),
         kinds,
         bounds: frame,
@@ -205,7 +296,9 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
                     (sample.reach(index), in_nodes[index], contradicted[index]);
                 let rgb_constant = rgb::constant(&stored[index]).filter(|_| rgb != RgbDepth::None);
                 let (seen, all) = (&sample.points[index], files[index].file.points());
-                let kinds = SampledKinds::of(seen, whole && seen.len() as u64 == all);
+                let is_whole = whole && seen.len() as u64 == all;
+                let kinds = SampledKinds::of(seen, is_whole, |_| true);
+                let of_selected = || SampledKinds::of(seen, is_whole, |seen| seen.is_selected);
                 FileSample {
                     rgb,
                     rgb_constant,
@@ -217,6 +310,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
                     in_nodes,
                     contradicted,
                     kinds,
+                    selected: (!selection.is_all()).then(of_selected),
                 }
             })
             .collect(),

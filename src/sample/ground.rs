@@ -9,7 +9,7 @@ use super::places::Place;
 use super::quantile::median;
 use super::seen::{Seen, append, unpack};
 use crate::coords::Bounds;
-use crate::source::PointBlock;
+use crate::source::{PointBlock, Reading, Selection};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
@@ -98,12 +98,17 @@ pub(super) fn patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> 
             let (_, (file, chunk)) = jobs[job];
             let lidar = &ground.files[file].file;
             let mut seen = Vec::new();
-            let sink = &mut |block: &PointBlock| append(block, &mut seen);
+            let selection = ground.selection;
+            decoder.set_fields(Reading { selection: selection.clone(), ..Reading::default() }.fields());
+            let sink = &mut |block: &PointBlock| append(block, selection, &mut seen);
             // A broken chunk is reported when it is drawn; here it only tells less.
             let _ = decoder.decode(lidar, &lidar.chunks[chunk], 0..ground.budget.place_points, sink);
             lidar.bytes.release();
             let shown = seen.iter().filter(|seen| (ground.shown)(seen));
-            let points = shown.map(|seen| (ground.place)(file, seen)).map(|point| [point.x, point.y]);
+            let points = shown.map(|seen| (ground.place)(file, seen));
+            let points =
+                points.filter(|point| selection.heights.is_all() || selection.heights.holds(point.z));
+            let points = points.map(|point| [point.x, point.y]);
             points.collect::<Vec<_>>()
         });
         for ((index, _), points) in jobs.into_iter().zip(read) {
@@ -191,6 +196,8 @@ fn distance_to_box(point: DVec2, bounds: Bounds) -> f64 {
 
 /// What [`patches`] must know.
 pub(super) struct Ground<'a> {
+    /// Points that take part at all.
+    pub selection: &'a Selection,
     pub files: &'a [Opened],
     pub budget: &'a SampleBudget,
     /// Files that are drawn.

@@ -6,7 +6,7 @@ use super::parallel::parallel;
 use super::places::Place;
 use super::rgb::{self, RGB_POINTS};
 use super::seen::{Seen, append};
-use crate::source::{PointBlock, SourceError};
+use crate::source::{Fields, PointBlock, Selection, SourceError};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Most files that are read further.
@@ -15,6 +15,7 @@ const RGB_FILES: usize = 512;
 /// The first points of chunks of every file: where it lies, and a thin sample over all of it.
 pub(super) fn read_firsts(
     files: &[Opened],
+    selection: &Selection,
     budget: &SampleBudget,
     problems: &mut Vec<(usize, SourceError)>,
 ) -> Vec<Vec<Seen>> {
@@ -22,9 +23,10 @@ pub(super) fn read_firsts(
     let firsts = parallel(files.len(), |decoder, index| {
         let file = &files[index].file;
         let mut seen = Vec::new();
+        decoder.set_fields(Fields::ALL);
         let read = match file.chunks.is_empty() {
             true => Ok(()),
-            false => decoder.first_points(file, most).map(|block| append(block, &mut seen)),
+            false => decoder.first_points(file, most).map(|block| append(block, selection, &mut seen)),
         };
         file.bytes.release();
         (seen, read.err())
@@ -39,6 +41,7 @@ pub(super) fn read_firsts(
 /// The points of each place.
 pub(super) fn read_places(
     files: &[Opened],
+    selection: &Selection,
     places: &[Place],
     problems: &mut Vec<(usize, SourceError)>,
 ) -> Vec<Vec<Seen>> {
@@ -53,7 +56,8 @@ pub(super) fn read_places(
         let (place, chunk, records) = jobs[index];
         let file = &files[places[place].file].file;
         let mut seen = Vec::new();
-        let sink = &mut |block: &PointBlock| append(block, &mut seen);
+        decoder.set_fields(Fields::ALL);
+        let sink = &mut |block: &PointBlock| append(block, selection, &mut seen);
         let error = decoder.decode(file, &file.chunks[chunk], 0..records, sink).err();
         if left[place].fetch_sub(1, Ordering::Relaxed) == 1 {
             file.bytes.release();

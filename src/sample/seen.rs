@@ -1,16 +1,18 @@
 //! A point of the sample, as it is stored, and whether it is shown by default.
 
 use crate::attribute::ClassMask;
-use crate::source::{FLAG_WITHHELD, LidarFile, PointBlock};
+use crate::source::{FLAG_WITHHELD, LidarFile, PointBlock, Selection};
 use glam::DVec3;
 
 /// What of the points is to be shown at first: cell size, ranges of colours and framing are chosen from that.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Asked {
     /// Classes; by default all but noise.
     pub classes: ClassMask,
     /// Withheld points, too.
     pub withheld: bool,
+    /// Points that take part at all.
+    pub selection: Selection,
 }
 
 impl Asked {
@@ -36,9 +38,17 @@ pub(super) struct Seen {
     pub returns: u8,
     pub intensity: u16,
     pub rgb: [u16; 3],
+    pub source_id: u16,
+    /// In steps of 0.006°.
+    pub scan_angle: i16,
+    /// Not a number: there is none.
+    pub gps_time: f64,
+    /// It takes part.
+    pub is_selected: bool,
 }
 
-pub(super) fn append(block: &PointBlock, seen: &mut Vec<Seen>) {
+/// Adds the points of a block; whether they take part, as far as that does not depend on where they lie.
+pub(super) fn append(block: &PointBlock, selection: &Selection, seen: &mut Vec<Seen>) {
     seen.extend((0..block.len()).map(|i| Seen {
         raw: [block.x[i], block.y[i], block.z[i]],
         class: block.class[i],
@@ -46,6 +56,10 @@ pub(super) fn append(block: &PointBlock, seen: &mut Vec<Seen>) {
         returns: block.returns[i],
         intensity: block.intensity[i],
         rgb: block.rgb.get(i).copied().unwrap_or_default(),
+        source_id: block.source_id.get(i).copied().unwrap_or_default(),
+        scan_angle: block.scan_angle.get(i).copied().unwrap_or_default(),
+        gps_time: block.gps_time.get(i).copied().unwrap_or(f64::NAN),
+        is_selected: selection.holds(block, i),
     }));
 }
 

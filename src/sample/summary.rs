@@ -1,8 +1,8 @@
-//! What colours are chosen by: the attributes of the points that are shown by default.
+//! What colours are chosen by: the attributes of the points that are asked for.
 
-use super::quantile::quantile;
 use super::seen::Seen;
-use crate::attribute::{AttributeSummary, Spread};
+use crate::attribute::{AttributeSummary, Spread, TimeScale};
+use std::collections::BTreeMap;
 
 /// A point that is shown by default, and how many it stands for.
 pub(super) struct Shown<'a> {
@@ -21,11 +21,24 @@ pub(super) fn summarise(shown: &[Shown], has_rgb: bool) -> AttributeSummary {
     let total = |keep: &dyn Fn(&Shown) -> bool| {
         shown.iter().filter(|point| keep(point)).map(|point| point.weight).sum::<f64>().round() as u64
     };
+    let mut source_ids: BTreeMap<u16, f64> = BTreeMap::new();
+    for point in shown {
+        *source_ids.entry(point.seen.source_id).or_default() += point.weight;
+    }
+    let angle = |point: &Shown| (f64::from(point.seen.scan_angle) * 0.006, point.weight);
     let first = shown.first().map_or([0; 3], |point| point.rgb);
     AttributeSummary {
         points: total(&|_| true),
-        height: spread(shown.iter().map(|point| (point.u, point.weight))),
-        intensity: spread(shown.iter().map(|point| (f64::from(point.seen.intensity), point.weight))),
+        height: Spread::of(shown.iter().map(|point| (point.u, point.weight))),
+        intensity: Spread::of(shown.iter().map(|point| (f64::from(point.seen.intensity), point.weight))),
+        source_ids: source_ids.into_iter().map(|(id, weight)| (id, (weight.round() as u64).max(1))).collect(),
+        scan_angle: Spread::of(shown.iter().map(angle)),
+        above: Spread::default(),
+        density: 0.0,
+        metre: 1.0,
+        time: Spread::of(shown.iter().map(|point| (point.seen.gps_time, point.weight))),
+        times: None,
+        is_timed: shown.iter().all(|point| point.seen.gps_time.is_finite()),
         classes: counts(&classes),
         returns: counts(&returns),
         has_rgb,
@@ -41,17 +54,12 @@ pub(super) fn counts(weights: &[f64]) -> Box<[u64; 256]> {
     counts.into_boxed_slice().try_into().expect("one a class")
 }
 
-/// Spread of (value, weight). Strays lie more than ten spans of percentiles 1-99 away; without a span
-/// nothing tells a stray from a roof, and all values count.
-fn spread(values: impl Iterator<Item = (f64, f64)>) -> Spread {
-    let mut values: Vec<(f64, f64)> = values.filter(|(value, _)| value.is_finite()).collect();
-    let mut at = |share| quantile(&mut values, share);
-    let (Some(p1), Some(p2), Some(p98), Some(p99)) = (at(0.01), at(0.02), at(0.98), at(0.99)) else {
-        return Spread::default();
-    };
-    let reach = if p99 > p1 { 10.0 * (p99 - p1) } else { f64::INFINITY };
-    let near =
-        values.iter().map(|(value, _)| *value).filter(|value| (p1 - reach..=p99 + reach).contains(value));
-    let (min, max) = near.fold((p1, p99), |(min, max), value| (value.min(min), value.max(max)));
-    Spread { min, max, p2, p98 }
+/// What times (with weights) are told apart by; `is_whole`: there are no others. `None`: there are none.
+pub(super) fn times(values: impl Iterator<Item = (f64, f64)>, is_whole: bool) -> Option<TimeScale> {
+    let mut values = values.filter(|(time, _)| time.is_finite()).peekable();
+    values.peek()?;
+    let Spread { min, max, .. } = Spread::of(values);
+    // What was not seen reaches a little beyond.
+    let beyond = if is_whole { 0.0 } else { (max - min) / 64.0 };
+    Some(TimeScale { from: min - beyond, to: max + beyond })
 }

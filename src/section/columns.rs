@@ -12,6 +12,7 @@ use super::layout::{
     HeightCode, Layout, MOST_OTHERS, PLACE_WORDS, RUN_WORDS, SECTION_BLOCKS, STACK_PLACE_WORDS, column_at,
     column_index,
 };
+use super::measure::{Measure, Measuring, with_code};
 use super::payload::{HighestOf, Payload};
 use super::stacks::{self, Floating, Gathering, Stacks};
 use super::surface::Surface;
@@ -71,6 +72,8 @@ pub struct Columns {
     stacks: Option<Box<Stacks>>,
     /// What is solid of these stacks is a smooth surface.
     is_smooth: bool,
+    /// What is gathered besides of what is to stand in the records.
+    measuring: Option<Box<Measuring>>,
 }
 
 impl Default for Columns {
@@ -87,6 +90,7 @@ impl Default for Columns {
             lowest: Height(i32::MAX),
             stacks: None,
             is_smooth: false,
+            measuring: None,
         }
     }
 }
@@ -173,6 +177,38 @@ impl Columns {
         Columns { pages: Pages::new(Surface::Stacks), stacks, ..Columns::default() }
     }
 
+    /// The same without points, whose records are to hold `measure`.
+    pub fn measuring(self, measure: Option<Measure>) -> Columns {
+        let measuring = measure.map(|measure| Box::new(Measuring::new(measure)));
+        Columns { measuring, ..self }
+    }
+
+    /// What is measured of them.
+    pub fn measure(&self) -> Option<Measure> {
+        self.measuring.as_ref().map(|measuring| measuring.measure)
+    }
+
+    /// Puts the measure into all records. No point may come after that.
+    pub fn finish_measure(&mut self) {
+        let Some(measuring) = self.measuring.take() else { return };
+        let codes = measuring.finish(|each| self.records(|column, record, _| each(column, record)));
+        let (first, heads, counts, _) = self.pages.planes_mut();
+        for b in (0..SECTION_BLOCKS).filter(|&b| self.occupied.has(b)) {
+            for c in b * BLOCK_COLUMNS..(b + 1) * BLOCK_COLUMNS {
+                if first[c].is_empty() {
+                    continue;
+                }
+                first[c] = with_code(first[c], codes.of(c as u16, first[c]));
+                let mut index = if counts[c] == 0 { 0 } else { heads[c] as usize };
+                while index != 0 {
+                    let Other { record, next } = self.others[index];
+                    self.others[index].record = with_code(record, codes.of(c as u16, record));
+                    index = next as usize;
+                }
+            }
+        }
+    }
+
     /// What they are stacked by; `None`: columns.
     pub fn stacking(&self) -> Option<Stacking> {
         self.stacks.as_ref().map(|stacks| stacks.stacking)
@@ -190,6 +226,11 @@ impl Columns {
     pub fn add_all(&mut self, columns: &[u16], heights: &[Height], record: impl Fn(usize) -> Record) {
         self.points += columns.len() as u64;
         self.lowest = heights.iter().fold(self.lowest, |low, &h| low.min(h));
+        if let Some(measuring) = &mut self.measuring {
+            for (i, (&column, &height)) in columns.iter().zip(heights).enumerate() {
+                measuring.see(column, height, record(i));
+            }
+        }
         match self.stacking() {
             None => {
                 for (i, &column) in columns.iter().enumerate() {
@@ -319,6 +360,7 @@ impl Columns {
             + size_of_val(&*self.highest)
             + (self.others.len() - 1) * size_of::<Other>()
             + self.stacks.as_ref().map_or(0, |stacks| stacks.bytes())
+            + self.measuring.as_ref().map_or(0, |measuring| measuring.bytes())
     }
 
     /// Where each part of the packed section starts. Of stacks this joins all of their runs, as packing does.
@@ -371,6 +413,12 @@ impl Columns {
                 }
             }
         }
+    }
+
+    /// Calls `each` with the index of a column and every record of it.
+    #[cfg(test)]
+    pub(super) fn each_record(&self, mut each: impl FnMut(u16, Record)) {
+        self.records(|column, record, _| each(column, record));
     }
 
     /// A column's further records.
@@ -443,6 +491,11 @@ impl Columns {
                 });
             }
             _ => panic!("columns and stacks do not mix"),
+        }
+        match (&self.measuring, &mut parent.measuring) {
+            (None, None) => {}
+            (Some(fine), Some(coarse)) => fine.coarsen_into(coarse, of_parent),
+            _ => panic!("measures do not mix"),
         }
     }
 

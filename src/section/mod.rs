@@ -2,7 +2,9 @@
 
 mod blocks;
 mod columns;
+mod ground;
 mod layout;
+mod measure;
 mod payload;
 pub mod slot;
 mod stacks;
@@ -10,5 +12,6 @@ mod surface;
 
 pub use columns::Columns;
 pub use layout::{Derived, Floats, HeightCode, Layout, SECTION_BLOCKS, column_at, column_index};
+pub use measure::{Measure, SQUARE};
 pub use payload::{HighestOf, Payload, PayloadKey, PayloadKind, device_bytes};
 pub use surface::Surface;

@@ -115,8 +115,8 @@ fn find(entries: &[u8], header: &FileHeader) -> Result<(KeptApart, bool), String
             format!("\"{name}\" has {has} bytes from byte {at} of a record of {}", header.record_len)
         })
     };
-    field("LAS 1.4 scan angle", 2)?;
     let kept_apart = KeptApart {
+        angle: field("LAS 1.4 scan angle", 2)?,
         returns: field("LAS 1.4 extended returns", 1)?,
         class: field("LAS 1.4 classification", 1)?,
         flags: field("LAS 1.4 flags and channel", 1)?,

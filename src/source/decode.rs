@@ -1,12 +1,12 @@
 //! Chunks to columns.
 
 use super::{
-    BLOCK_RECORDS, Chunk, FileHeader, LidarFile, OpenFile, PointBlock, SourceError,
+    BLOCK_RECORDS, Chunk, Fields, FileHeader, LidarFile, OpenFile, PointBlock, SourceError,
     contain::contain,
     fields::{GpsTime, RgbV1},
     kept_apart::KeptApart,
     laszip::{Compressor, Laszip},
-    layers::ChunkLayers,
+    layers::{ChunkLayers, WantedLayers},
     stream::{ByteStream, Splice, source_error},
 };
 use laz::{
@@ -31,6 +31,7 @@ pub struct Decoder {
     block: PointBlock,
     layers: LayerMemory,
     all_layers: bool,
+    fields: Fields,
 }
 
 /// Memory that decoders share for the layers of the chunks that they are at. One that finds too little free waits for
@@ -110,13 +111,23 @@ impl Decoder {
     /// The same of decoders that share memory for layers.
     pub fn sharing(layers: &LayerMemory) -> Decoder {
         let (raw, input, block) = Default::default();
-        Decoder { raw, input, block, layers: layers.clone(), all_layers: false }
+        Decoder { raw, input, block, layers: layers.clone(), all_layers: false, fields: Fields::default() }
     }
 
     /// The same decoder, but one that reads and decodes layers too that no [`PointBlock`] stores: what skipping them
     /// saves is measured against it.
     pub fn with_all_layers(self) -> Decoder {
         Decoder { all_layers: true, ..self }
+    }
+
+    /// Blocks have these fields from now on, besides those that pictures always need.
+    pub fn set_fields(&mut self, fields: Fields) {
+        self.fields = fields;
+    }
+
+    /// What is decoded of a layered chunk of `header`'s format.
+    fn wanted(&self, header: &FileHeader) -> WantedLayers {
+        WantedLayers { rgb: RecordLayout::of(header).rgb.is_some(), fields: self.fields }
     }
 
     /// Bytes of `chunk` that decoding reads: without the layers that no [`PointBlock`] stores.
@@ -128,7 +139,7 @@ impl Decoder {
         let layers =
             ChunkLayers::read(&file.bytes.handle()?, &file.header, chunk.byte_offset, chunk.byte_len)?
                 .map_err(|reason| damage(file, chunk, &(0..chunk.records), 0, reason))?;
-        Ok(layers.head_len() + layers.needed_bytes(RecordLayout::of_layers(&file.header).rgb.is_some()))
+        Ok(layers.head_len() + layers.needed_bytes(self.wanted(&file.header)))
     }
 
     /// Hands the points `records` (counted from the chunk's first, clamped to what it holds) of `chunk` to
@@ -177,7 +188,7 @@ impl Decoder {
             handle.read_exact_at(&mut self.raw[at..], chunk.byte_offset)?;
         }
         self.block.first_record = 0;
-        head.extract(&self.raw, &mut self.block);
+        head.extract(&self.raw, self.fields, &mut self.block);
         Ok(&self.block)
     }
 
@@ -205,7 +216,7 @@ impl Decoder {
                     handle.read_exact_at(&mut self.raw[at..], offset)?;
                 }
             }
-            head.extract(&self.raw, &mut self.block);
+            head.extract(&self.raw, self.fields, &mut self.block);
             sink(&self.block);
         }
         Ok(())
@@ -270,7 +281,7 @@ impl Decoder {
             (RecordLayout::of(&file.header), layers.byte_len())
         } else {
             let layout = RecordLayout::of_layers(&file.header);
-            (layout, layers.needed_bytes(layout.rgb.is_some()))
+            (layout, layers.needed_bytes(self.wanted(&file.header)))
         };
         let memory = self.layers.clone();
         if needed > memory.0.most {
@@ -279,14 +290,14 @@ impl Decoder {
                 memory.0.most
             )));
         }
-        let rgb = layout.rgb.is_some();
+        let which = self.wanted(&file.header);
         // A few points at the start are in the beginnings of the layers. Where they are not, all is read.
         if !self.all_layers
             && wanted.start == 0
             && wanted.end < layers.records / 4
             && wanted.end <= layout.records_in(RAW_BYTES)
         {
-            let ranges = layers.wanted_of_first(rgb, wanted.end);
+            let ranges = layers.wanted_of_first(which, wanted.end);
             self.raw.resize(wanted.end as usize * layout.len, 0);
             let raw = &mut self.raw;
             let decoded = contain(|| {
@@ -300,7 +311,7 @@ impl Decoder {
         let _held = memory.take(needed);
         let mut records = contain(|| match self.all_layers {
             true => Layered::all(handle, &laszip.items, &layers),
-            false => Layered::new(handle, &laszip.items, layout, &layers, layers.wanted(rgb)),
+            false => Layered::new(handle, &laszip.items, layout, &layers, layers.wanted(which)),
         })
         .map_err(bad)?;
         let held = wanted.start.min(layers.records)..wanted.end.min(layers.records);
@@ -364,7 +375,7 @@ impl Decoder {
     /// Hands out the records in `raw`, the first of which is record `next` of `chunk`.
     fn emit(&mut self, layout: RecordLayout, chunk: &Chunk, next: u64, sink: &mut dyn FnMut(&PointBlock)) {
         self.block.first_record = chunk.first_record + next;
-        layout.extract(&self.raw, &mut self.block);
+        layout.extract(&self.raw, self.fields, &mut self.block);
         sink(&self.block);
     }
 }
@@ -469,7 +480,7 @@ impl<'f> Layered<'f> {
         // empty, and which ends after the colours.
         let mut front = layers.first[..layout.len].to_vec();
         front.extend((layers.records as u32).to_le_bytes());
-        front.extend(ChunkLayers::sizes_of(&ranges).iter().flat_map(|s| s.to_le_bytes()));
+        front.extend(ranges.iter().flat_map(|range| ((range.end - range.start) as u32).to_le_bytes()));
         let mut inner =
             LayeredPointRecordDecompressor::new(Splice { front: Cursor::new(front), file, ranges });
         for item in items {
@@ -541,6 +552,8 @@ struct RecordLayout {
     extended: bool,
     /// First byte of R, G, B.
     rgb: Option<usize>,
+    /// First byte of the GPS time.
+    gps_time: Option<usize>,
     /// What LASzip's compatibility mode keeps apart.
     kept_apart: Option<KeptApart>,
 }
@@ -554,12 +567,17 @@ impl RecordLayout {
             _ => None,
         };
         let extended = header.stored_format >= 6;
-        RecordLayout { len: header.record_len.into(), extended, rgb, kept_apart: header.kept_apart }
+        let gps_time = match header.stored_format {
+            0 | 2 => None,
+            1 | 3..=5 => Some(20),
+            _ => Some(22),
+        };
+        RecordLayout { len: header.record_len.into(), extended, rgb, gps_time, kept_apart: header.kept_apart }
     }
 
     /// The front of a record, up to the last column.
     fn head(self) -> RecordLayout {
-        let base = if self.extended { 30 } else { 20 };
+        let base = self.gps_time.map_or(20, |at| at + 8);
         let end = self.rgb.map_or(base, |at| at + 6).max(self.kept_apart.map_or(0, |kept| kept.end()));
         RecordLayout { len: end, ..self }
     }
@@ -574,8 +592,8 @@ impl RecordLayout {
         (bytes / self.len).clamp(1, BLOCK_RECORDS) as u64
     }
 
-    /// Takes whole records apart into `block`.
-    fn extract(&self, raw: &[u8], block: &mut PointBlock) {
+    /// Takes whole records apart into `block`, with these fields.
+    fn extract(&self, raw: &[u8], fields: Fields, block: &mut PointBlock) {
         let n = raw.len() / self.len;
         block.x.resize(n, 0);
         block.y.resize(n, 0);
@@ -614,6 +632,34 @@ impl RecordLayout {
             block.rgb.extend(raw.chunks_exact(self.len).map(|record| {
                 let c: &[u8; 6] = record[at..at + 6].try_into().unwrap();
                 [0, 2, 4].map(|k| u16::from_le_bytes([c[k], c[k + 1]]))
+            }));
+        }
+        block.source_id.clear();
+        block.scan_angle.clear();
+        block.gps_time.clear();
+        if fields != Fields::default() {
+            self.extract_more(raw, fields, block);
+        }
+    }
+    fn extract_more(&self, raw: &[u8], fields: Fields, block: &mut PointBlock) {
+        let records = || raw.chunks_exact(self.len);
+        let word = |record: &[u8], at: usize| [record[at], record[at + 1]];
+        if fields.source_id {
+            let at = if self.extended { 20 } else { 18 };
+            block.source_id.extend(records().map(|record| u16::from_le_bytes(word(record, at))));
+        }
+        if fields.scan_angle && self.extended {
+            block.scan_angle.extend(records().map(|record| i16::from_le_bytes(word(record, 18))));
+        } else if fields.scan_angle {
+            block.scan_angle.extend(records().map(|record| {
+                let degrees = (f64::from(record[16] as i8) / 0.006).round() as i16;
+                self.kept_apart.map_or(degrees, |kept_apart| kept_apart.angle(record, degrees))
+            }));
+        }
+        if let Some(at) = self.gps_time.filter(|_| fields.gps_time) {
+            block.gps_time.extend(records().map(|record| {
+                let bytes: [u8; 8] = record[at..at + 8].try_into().unwrap();
+                f64::from_le_bytes(bytes)
             }));
         }
     }

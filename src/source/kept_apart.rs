@@ -8,12 +8,21 @@ pub(super) struct KeptApart {
     pub returns: usize,
     pub class: usize,
     pub flags: usize,
+    /// Of a scan angle: steps of 0.006° beside the whole degrees.
+    pub angle: usize,
 }
 
 impl KeptApart {
     /// First byte behind all of them.
     pub fn end(&self) -> usize {
-        self.returns.max(self.class).max(self.flags) + 1
+        self.returns.max(self.class).max(self.flags).max(self.angle + 1) + 1
+    }
+
+    /// Scan angle in steps of 0.006°, of which `degrees` are kept as whole ones.
+    #[inline]
+    pub fn angle(&self, record: &[u8], degrees: i16) -> i16 {
+        let rest = i16::from_le_bytes([record[self.angle], record[self.angle + 1]]);
+        degrees.saturating_add(rest)
     }
 
     /// Gives a point back what was kept apart. `returns`: number in the low nibble, count in the high one.
@@ -34,7 +43,7 @@ mod tests {
 
     #[test]
     fn what_was_kept_apart_comes_back() {
-        let at = KeptApart { returns: 0, class: 1, flags: 2 };
+        let at = KeptApart { returns: 0, class: 1, flags: 2, angle: 3 };
         let restore = |record: [u8; 3], mut returns: u8, mut class: u8, mut flags: u8| {
             at.restore(&record, &mut returns, &mut class, &mut flags);
             (returns, class, flags)
@@ -42,6 +51,8 @@ mod tests {
         // Return 9 of 12 is kept as 4 of 7 with 5 and 5 to add.
         assert_eq!(restore([0x55, 0, 0b101], 0x74, 6, 4), (0xc9, 6, 4 | FLAG_OVERLAP));
         assert_eq!(restore([0, 200, 0b110], 0x11, 0, 0), (0x11, 200, 0));
-        assert_eq!(at.end(), 3);
+        assert_eq!(at.end(), 5);
+        // 12 whole degrees are 2000 steps.
+        assert_eq!(at.angle(&[0, 0, 0, 0xfe, 0xff], 2000), 1998);
     }
 }

@@ -1,13 +1,34 @@
 //! The head of a layered chunk: first record, count, layer sizes (LASzip 3, point formats 6 to 10).
 
-use super::{FileHeader, OpenFile, SourceError, header::FORMAT_LEN};
+use super::{Fields, FileHeader, OpenFile, SourceError, header::FORMAT_LEN};
 use std::ops::Range;
 
 /// Layers of the point itself: x, y with returns and channel; z; class; flags; intensity; scan angle; user
 /// data; source id; GPS time.
 const POINT_LAYERS: usize = 9;
-/// The first of them, up to intensity, are those that a [`PointBlock`](super::PointBlock) stores.
-const WANTED_LAYERS: usize = 5;
+/// The first of them, up to intensity, are those that a [`PointBlock`](super::PointBlock) always stores.
+const USUAL_LAYERS: usize = 5;
+
+/// Layers that are decoded.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct WantedLayers {
+    /// Colours, which the format has.
+    pub rgb: bool,
+    /// What else is asked for.
+    pub fields: Fields,
+}
+
+impl WantedLayers {
+    fn has(&self, layer: usize) -> bool {
+        match layer {
+            0..USUAL_LAYERS => true,
+            5 => self.fields.scan_angle,
+            7 => self.fields.source_id,
+            8 => self.fields.gps_time,
+            _ => layer == POINT_LAYERS && self.rgb,
+        }
+    }
+}
 
 /// Where the layers of a chunk lie; all inside of it.
 #[derive(Debug)]
@@ -89,38 +110,30 @@ impl ChunkLayers {
         self.start..self.start + self.byte_len() - self.head_len
     }
 
-    /// Where the wanted point layers and, where the format has one, the R, G, B layer lie in the file.
-    pub fn wanted(&self, rgb: bool) -> Vec<Range<u64>> {
+    /// Where the point layers and, where it is wanted, the R, G, B layer lie in the file; of those that are not wanted, nothing.
+    pub fn wanted(&self, wanted: WantedLayers) -> Vec<Range<u64>> {
         let mut start = self.start;
         let mut ranges = Vec::new();
-        for (layer, &size) in self.sizes[..POINT_LAYERS + usize::from(rgb)].iter().enumerate() {
-            if layer < WANTED_LAYERS || layer == POINT_LAYERS {
-                ranges.push(start..start + u64::from(size));
-            }
-            start += u64::from(size);
+        for (layer, &size) in self.sizes[..POINT_LAYERS + usize::from(wanted.rgb)].iter().enumerate() {
+            let end = start + u64::from(size);
+            ranges.push(if wanted.has(layer) { start..end } else { start..start });
+            start = end;
         }
         ranges
     }
 
     /// The beginnings of those layers, in which the first `records` are sure to end but for odd data.
-    pub fn wanted_of_first(&self, rgb: bool, records: u64) -> Vec<Range<u64>> {
+    pub fn wanted_of_first(&self, wanted: WantedLayers, records: u64) -> Vec<Range<u64>> {
         let cut = |range: Range<u64>| {
             // Coders learn: the first records take more than their share.
             let share = (range.end - range.start) * records / self.records;
             range.start..range.end.min(range.start + 3 * share + 4096)
         };
-        self.wanted(rgb).into_iter().map(cut).collect()
-    }
-
-    /// Sizes as the decoder wants them, of such layers: 0 for the point layers that are not among them.
-    pub fn sizes_of(ranges: &[Range<u64>]) -> Vec<u32> {
-        let mut sizes: Vec<u32> = ranges.iter().map(|range| (range.end - range.start) as u32).collect();
-        sizes.splice(WANTED_LAYERS..WANTED_LAYERS, [0; POINT_LAYERS - WANTED_LAYERS]);
-        sizes
+        self.wanted(wanted).into_iter().map(cut).collect()
     }
 
     /// Bytes of the layers that are decoded.
-    pub fn needed_bytes(&self, rgb: bool) -> u64 {
-        self.wanted(rgb).iter().map(|range| range.end - range.start).sum()
+    pub fn needed_bytes(&self, wanted: WantedLayers) -> u64 {
+        self.wanted(wanted).iter().map(|range| range.end - range.start).sum()
     }
 }

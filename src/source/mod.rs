@@ -27,7 +27,9 @@ pub mod learned;
 pub mod length;
 pub mod placement;
 mod points;
+mod reading;
 pub mod reproject;
+mod selection;
 mod stream;
 pub mod system;
 mod vlr;
@@ -40,5 +42,9 @@ pub use decode::{Decoder, LayerMemory};
 pub use error::{SourceError, Warning};
 pub use file::LidarFile;
 pub use header::FileHeader;
-pub use points::{BLOCK_RECORDS, FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, PointBlock};
+pub use points::{
+    BLOCK_RECORDS, FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, Fields, PointBlock,
+};
+pub use reading::Reading;
+pub use selection::{Interval, Returns, Selection, SourceIds};
 pub use vlr::VlrEntry;

@@ -24,6 +24,28 @@ pub struct PointBlock {
     pub returns: Vec<u8>,
     /// R, G, B as stored; empty when the format has none.
     pub rgb: Vec<[u16; 3]>,
+    /// Point source id; empty unless [`Fields::source_id`].
+    pub source_id: Vec<u16>,
+    /// Scan angle in steps of 0.006°, of formats 0 to 5 their whole degrees; empty unless [`Fields::scan_angle`].
+    pub scan_angle: Vec<i16>,
+    /// GPS time, s; empty unless [`Fields::gps_time`], and when the format has none.
+    pub gps_time: Vec<f64>,
+}
+
+/// What is decoded of points beside what pictures always need.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Fields {
+    /// Point source ids.
+    pub source_id: bool,
+    /// Scan angles.
+    pub scan_angle: bool,
+    /// GPS times.
+    pub gps_time: bool,
+}
+
+impl Fields {
+    /// All of them.
+    pub const ALL: Fields = Fields { source_id: true, scan_angle: true, gps_time: true };
 }
 
 impl PointBlock {

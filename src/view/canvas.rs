@@ -6,7 +6,7 @@ use super::data::Data;
 use super::overlay::ImageArea;
 use super::pace::Pace;
 use super::settings::{ColorChoice, Colors, SAMPLES, Settings, view_of};
-use crate::attribute::ColorTable;
+use crate::attribute::{ColorMode, ColorTable};
 use crate::gpu::{Commands, Gpu, GpuError, SyncPoint, TracedImage};
 use crate::render::camera::Camera;
 use crate::render::frame::{Renderer, View, check_size};
@@ -220,12 +220,30 @@ impl Canvas {
 
     /// Whether the colours are what the settings say.
     pub fn has_colors_of(&self, data: &Data, settings: &Settings) -> bool {
-        self.colors.as_ref().is_none_or(|(of, _)| *of == ColorChoice::of(settings, data.about()))
+        let choice = || self.choice(data, settings);
+        self.colors.as_ref().is_none_or(|(of, _)| choice().is_none_or(|(choice, _)| *of == choice))
+    }
+
+    /// The colours that an image may have now, and their mode; `None`: those that it has. While some sections hold what is
+    /// asked for and others something else, no colours are by that: the ones before stay, or heights are shown.
+    fn choice(&self, data: &Data, settings: &Settings) -> Option<(ColorChoice, Settings)> {
+        let wanted = ColorChoice::of(settings, data.about());
+        let (Some(about), true) = (data.about(), data.is_mixed()) else {
+            return Some((wanted, settings.clone()));
+        };
+        if !wanted.needs_channel(about) {
+            return Some((wanted, settings.clone()));
+        }
+        if self.colors.as_ref().is_some_and(|(of, _)| !of.needs_channel(about)) {
+            return None;
+        }
+        let heights = Settings { color: ColorMode::Height, ..settings.clone() };
+        Some((ColorChoice::of(&heights, Some(about)), heights))
     }
 
     /// Makes the colours what the settings say; whether they were not.
     pub fn apply_colors(&mut self, data: &Data, settings: &Settings) -> anyhow::Result<bool> {
-        let choice = ColorChoice::of(settings, data.about());
+        let Some((choice, settings)) = self.choice(data, settings) else { return Ok(false) };
         let is_current = self.colors.as_ref().is_some_and(|(of, _)| *of == choice);
         let Some(about) = data.about().filter(|_| !is_current) else { return Ok(false) };
         let scale = settings.scale();

@@ -2,11 +2,11 @@
 
 use super::fates::{self, Refused};
 use super::watch::{self, News, Stamp, Watch};
-use crate::attribute::KindCounts;
+use crate::attribute::{ColorMode, KindCounts};
 use crate::coords::{Bounds, Grid, HEIGHT_STEP, Height, Hull, Outline};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::{Budget, Core};
-use crate::ingest::builds::cells_of;
+use crate::ingest::builds::{Made, cells_of};
 use crate::ingest::input::OpenInput;
 use crate::load::{self, Fate, Fates, LoadError, LoadOptions, Opening};
 use crate::problems::Problems;
@@ -19,12 +19,13 @@ use crate::resident::scene::Scene;
 use crate::resident::table::Table;
 use crate::resident::visibility::Visibility;
 use crate::resident::visibility::why_hidden;
-use crate::sample;
+use crate::sample::{self, Asked};
 use crate::section::Surface;
 use crate::source::inputs;
 use crate::source::learned::Cache;
 use crate::source::length::Length;
 use crate::source::placement::{PlacementOptions, Treatment};
+use crate::source::{Reading, Selection};
 use crate::text::harmless;
 use crossbeam_channel::Receiver;
 use std::collections::{HashMap, HashSet, VecDeque};
@@ -59,6 +60,10 @@ pub struct ReadOptions {
     pub device_bytes: u64,
     /// What is shown at first.
     pub visibility: Visibility,
+    /// Points that take part at first.
+    pub selection: Selection,
+    /// What colours show at first; `None`: chosen from the data.
+    pub color: Option<ColorMode>,
     /// Where it is kept what was learned of files.
     pub cache: Option<Cache>,
 }
@@ -84,6 +89,8 @@ pub struct FileAbout {
     pub damage: Option<String>,
     /// Some of its points have colours.
     pub has_rgb: bool,
+    /// Its point format.
+    format: u8,
     /// It lies so far from those that it was opened with that these are framed without it.
     pub is_far: bool,
     /// Where its points lie, strays aside.
@@ -198,7 +205,7 @@ pub struct DataStatus {
     pub is_opening: bool,
     /// Sections that are to be drawn; 0 while that is not known.
     pub sections_wanted: u64,
-    /// Sections on the device.
+    /// Those of them that are on the device.
     pub sections_resident: u64,
     /// Host memory for sections, bytes, and its budget.
     pub host_bytes: [u64; 2],
@@ -220,6 +227,8 @@ pub struct DataStatus {
     pub failed: Option<String>,
     /// Why nothing is seen of what there is: every point is hidden, and what shows them.
     pub hidden: Option<String>,
+    /// What is read again, where other points take part than before or something else of them is stored.
+    pub rereading: Option<String>,
 }
 
 /// What is to become of files that are being opened.
@@ -289,6 +298,12 @@ pub struct Data {
     counted: Instant,
     is_count_due: bool,
     is_complete: bool,
+    /// Which points take part, and what their records hold.
+    reading: Reading,
+    /// What is read again since the reading is another one, in words.
+    rereading: Option<String>,
+    /// Some records that are shown may hold something else than others.
+    is_mixed: bool,
     messages: VecDeque<String>,
     problems: Problems,
     failed: Option<String>,
@@ -339,6 +354,9 @@ impl Data {
             counted: Instant::now(),
             is_count_due: true,
             is_complete: false,
+            reading: Reading::default(),
+            rereading: None,
+            is_mixed: false,
             messages: VecDeque::new(),
             problems: Problems::default(),
             failed: None,
@@ -370,6 +388,7 @@ impl Data {
         (self.about, self.live, self.watch, self.failed) = (None, None, None, None);
         self.now = live::Status::default();
         (self.kinds, self.kinds_version) = (KindCounts::default(), None);
+        (self.reading, self.rereading, self.is_mixed) = (Reading::default(), None, false);
         self.options = ReadOptions { device_bytes: self.options.device_bytes, ..options };
         self.new_scene(gpu, NO_GRID, self.options.visibility)?;
         self.is_reset = true;
@@ -462,6 +481,16 @@ impl Data {
             self.is_complete = now.complete && self.pending.is_empty();
             let why = "the sections do not fit the device memory: give more with --device-memory";
             self.failed = now.stuck.then(|| why.to_owned()).or_else(|| live.failed());
+        }
+        if let Ok(Some(now)) = &ticked
+            && now.complete
+            && std::mem::take(&mut self.rereading).is_some()
+        {
+            // What is out of sight is not to come into it as it was.
+            if std::mem::take(&mut self.is_mixed) {
+                live.evict_stale(scene)?;
+            }
+            tick.changed = true;
         }
         if tick.changed || self.is_count_due || self.counted.elapsed() > COUNT_EVERY {
             let now = live.try_status(scene);
@@ -754,7 +783,12 @@ impl Data {
         let mut files: Vec<_> = files_about(&opening, fates).collect();
         files.iter_mut().enumerate().for_each(|(source, file)| file.source = source);
         self.first_files = files.len();
-        let Opening { inputs, grid, core, about } = opening;
+        let mode = self.options.color.unwrap_or(opening.about.color);
+        let (summary, mut problems) = (opening.about.summary.clone(), Problems::default());
+        let opening = opening.colored(mode, &summary, &mut problems);
+        self.take_in(problems);
+        let Opening { inputs, grid, core, about, reading } = opening;
+        self.reading = reading.clone();
         self.anchor = grid.height(about.bounds.center().z).unwrap_or(Height(0));
         self.about = Some(DataAbout { whole: about, files });
         let wake = Arc::clone(&self.wake);
@@ -765,7 +799,8 @@ impl Data {
         let threads = load::threads();
         let host_bytes = self.options.host_bytes;
         let surface = self.options.surface;
-        let live = Live::new(inputs, surface, grid, core, host_bytes, threads, move || wake());
+        let made = Made { surface, reading };
+        let live = Live::new(inputs, made, grid, core, host_bytes, threads, move || wake());
         if let Some(cache) = &self.options.cache {
             live.save_learned_to(cache.clone());
         }
@@ -886,6 +921,47 @@ impl Data {
         self.is_complete = false;
     }
 
+    /// Which points take part, and what their records hold.
+    pub fn reading(&self) -> &Reading {
+        &self.reading
+    }
+
+    /// Whether some records that are shown may hold something else than [`Data::reading`] says.
+    pub fn is_mixed(&self) -> bool {
+        self.is_mixed
+    }
+
+    /// Reads other points, or something else of them. Until the sections are made anew, their old versions stay.
+    pub fn set_reading(&mut self, reading: Reading) {
+        let Some(live) = &mut self.live else { return };
+        if reading == self.reading {
+            return;
+        }
+        self.rereading = Some(match reading.selection == self.reading.selection {
+            true => format!("{} of {}", reading.channel.name(), reading.selection.words()),
+            false => reading.selection.words(),
+        });
+        self.is_mixed |= reading.channel != self.reading.channel;
+        self.reading = reading.clone();
+        live.set_reading(reading);
+        self.is_complete = false;
+        let lines = self.about.iter().flat_map(|about| &about.files).filter(|file| !file.is_removed);
+        let lines = lines.filter_map(|file| {
+            let words = self.reading.lacks(file.format)?;
+            Some(format!("{}: {words}", file.path.display()))
+        });
+        let lines: Vec<_> = lines.collect();
+        if let Some(first) = lines.first() {
+            let more = if lines.len() > 1 {
+                format!(" (and {} more files)", lines.len() - 1)
+            } else {
+                String::new()
+            };
+            self.notices.push(format!("{first}{more}"));
+        }
+        self.say(lines);
+    }
+
     /// Takes a file from the list; it is not shown any more.
     pub fn remove(&mut self, file: usize) {
         self.set_visible(file, false);
@@ -897,7 +973,8 @@ impl Data {
     /// Whether the points that are shown are those that were asked for at first.
     pub fn is_first(&self) -> bool {
         let [first, now] = [self.options.visibility, self.scene().visibility()];
-        (first.classes, first.withheld) == (now.classes, now.withheld)
+        let is_first = self.options.selection == self.reading.selection;
+        is_first && (first.classes, first.withheld) == (now.classes, now.withheld)
     }
 
     /// Whether every file was taken from the list.
@@ -954,7 +1031,7 @@ impl Data {
                 cell: options.cell,
                 placement: PlacementOptions { known: world, ..options.placement },
                 rgb_bits: options.rgb_bits,
-                asked: options.visibility.asked(),
+                asked: Asked { selection: options.selection, ..options.visibility.asked() },
                 budget: Budget { host_bytes: options.host_bytes, device_bytes: options.device_bytes },
                 cache: options.cache,
                 quiet: true,
@@ -1020,6 +1097,7 @@ impl Data {
             is_switching: self.scene().is_switching(),
             failed: self.failed.clone(),
             hidden: self.why_hidden(),
+            rereading: self.rereading.clone(),
         }
     }
 }
@@ -1076,6 +1154,7 @@ fn file_about(input: &OpenInput, has_rgb: bool, treatment: Treatment) -> FileAbo
         treatment,
         damage: None,
         has_rgb: has_rgb && sample::has_rgb(file),
+        format: file.header.format,
         is_far: !input.is_in_frame,
         bounds: input.bounds,
         hulls: [input.hull.clone(), input.hull_of_all.clone().or(input.hull.clone())],

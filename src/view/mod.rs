@@ -33,6 +33,7 @@ mod redraw;
 mod remarks;
 mod save;
 mod saving;
+mod selection_part;
 mod settings;
 mod state;
 mod statistics;

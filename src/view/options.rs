@@ -1,7 +1,7 @@
 //! What the window opens with.
 
 use super::data;
-use crate::attribute::{ColorMode, Ramp};
+use crate::attribute::{ColorMode, ColorRange, Ramp};
 use crate::gpu::GpuOptions;
 use crate::output::{Protected, Target};
 use crate::render::frame::Shade;
@@ -24,7 +24,7 @@ pub struct ViewOptions {
     /// The ramp of `color`; `None`: that of the mode.
     pub ramp: Option<Ramp>,
     /// Values at its ends; `None`: chosen from the data.
-    pub range: Option<(f64, f64)>,
+    pub range: Option<ColorRange>,
     /// Light.
     pub shade: Shade,
     /// Vertical exaggeration.

@@ -9,10 +9,11 @@ use super::file_list::{self, FileRequest};
 use super::layers::Alone;
 use super::numbers::short;
 use super::pick;
+use super::selection_part::SelectionPart;
 use super::settings::{BRIDGE, Settings};
 use super::state::State;
 use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, weak};
-use crate::attribute::{ColorTable, class_color, class_name};
+use crate::attribute::{Channel, ColorTable, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
 use crate::text::{harmless, tidy};
@@ -104,6 +105,8 @@ pub struct Panel {
     pub boxes: Boxes,
     /// The class that is shown alone.
     alone: Alone,
+    /// What is typed of the points that take part.
+    points: SelectionPart,
 }
 
 /// Looks: dark, quiet, one accent.
@@ -155,11 +158,12 @@ pub fn bytes(n: u64) -> String {
     if mib >= 1000.0 { format!("{:.2} GiB", mib / 1024.0) } else { format!("{mib:.0} MiB") }
 }
 
-/// A part of the panel.
-fn part(ui: &mut Ui, name: &str, is_open: bool, content: impl FnOnce(&mut Ui)) {
+/// A part of the panel; gives where its title lies.
+fn part(ui: &mut Ui, name: &str, is_open: bool, content: impl FnOnce(&mut Ui)) -> Pos2 {
     let title = RichText::new(name).strong().color(Color32::from_gray(235));
-    egui::CollapsingHeader::new(title).default_open(is_open).show_unindented(ui, content);
+    let shown = egui::CollapsingHeader::new(title).default_open(is_open).show_unindented(ui, content);
     ui.add_space(4.0);
+    shown.header_response.rect.left_center() + vec2(24.0, 0.0)
 }
 
 /// Words on the left, words on the right.
@@ -209,7 +213,12 @@ fn plot(ui: &mut Ui, name: &str, history: &History) {
 
 impl Default for Panel {
     fn default() -> Panel {
-        Panel { is_open: true, boxes: Boxes::default(), alone: Alone::default() }
+        Panel {
+            is_open: true,
+            boxes: Boxes::default(),
+            alone: Alone::default(),
+            points: SelectionPart::default(),
+        }
     }
 }
 
@@ -274,6 +283,14 @@ impl Panel {
             let counts = content.about.map(|_| &content.status.kinds);
             class_part::show(ui, &mut settings.visibility, (&mut self.alone, counts), &mut requests.places);
         });
+        let title = part(ui, "Points", !settings.selection.is_all(), |ui| {
+            let unit =
+                content.about.and_then(|about| about.unit.as_ref()).map_or("units", |unit| unit.symbol());
+            let has_times = content.about.is_some_and(|about| about.summary.times.is_some());
+            let about = (content.status, unit, has_times);
+            self.points.show(ui, &mut settings.selection, about, &mut requests.places);
+        });
+        requests.places.push(("part points".to_owned(), title));
         part(ui, "Picture", true, |ui| {
             ui.horizontal(|ui| {
                 ui.label("Height ×");
@@ -334,8 +351,10 @@ fn place(ui: &mut Ui, point: &PickedPoint, is_kept: bool, about: &DataAbout) {
     let [r, g, b] = class_color(point.class);
     let (rect, _) = ui.allocate_exact_size(vec2(10.0, 10.0), Sense::hover());
     ui.painter().circle_filled(rect.center(), 4.5, Color32::from_rgb(r, g, b));
-    let class = format!("{} {}", point.class, class_name(point.class));
     let unit = about.unit.as_ref().map(|unit| unit.symbol());
+    let value = |(channel, code): (Channel, u16)| format!("   {}", channel.words(code, unit));
+    let value = point.value.map_or(String::new(), value);
+    let class = format!("{} {}{value}", point.class, class_name(point.class));
     match pick::caution(point, unit) {
         None => _ = ui.add(egui::Label::new(class).truncate()),
         Some(caution) => {

@@ -57,6 +57,7 @@ pub fn logged(point: Option<&PickedPoint>) -> String {
     let Some(point) = point else { return "nothing".to_owned() };
     let at = point.shown;
     let mut line = format!("{:.3} {:.3} {:.3} class {}", at.x, at.y, point.height, point.class);
+    line.extend(point.value.map(|(channel, code)| format!(" {}", channel.words(code, None))));
     line.extend(point.below.map(|below| format!(" side {below:.3}")));
     line.push_str(if point.is_bridged { " bridged" } else { "" });
     line.extend(point.coarse_cell.map(|cell| format!(" cell {cell}")));
@@ -67,6 +68,7 @@ pub fn logged(point: Option<&PickedPoint>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attribute::Channel;
 
     #[test]
     fn what_is_no_measured_top_is_said_to_be_none() {
@@ -74,6 +76,7 @@ mod tests {
             shown: DVec3::new(1.0, 2.0, 3.0),
             height: 44.18,
             class: 14,
+            value: None,
             below: None,
             is_bridged: false,
             coarse_cell: None,
@@ -93,6 +96,8 @@ mod tests {
         let stand_in = PickedPoint { stands_in: true, ..coarse };
         assert_eq!(said(stand_in).as_deref(), Some("stand-in, cell 4 m"));
         assert_eq!(logged(Some(&top)), "1.000 2.000 44.180 class 14");
+        let line = PickedPoint { value: Some((Channel::SourceId, 7)), ..top };
+        assert_eq!(logged(Some(&line)), "1.000 2.000 44.180 class 14 source id 7");
         assert_eq!(
             logged(Some(&PickedPoint { is_bridged: true, below: Some(1.5), ..stand_in })),
             "1.000 2.000 44.180 class 14 side 1.500 bridged cell 4 stand-in"

@@ -2,14 +2,13 @@
 
 use super::data::{Data, DataAbout};
 use super::settings::Settings;
-use crate::attribute::{ClassMask, ColorTable};
+use crate::attribute::{ClassMask, ColorRange, ColorTable};
 use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
 use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
 use crate::render::saved_view::{OptionValue, SavedView};
 use crate::section::Surface;
 use crate::source::placement::Treatment;
-use crate::text::tidy;
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -118,14 +117,17 @@ fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
         options.push(("ramp", text(ramp.name())));
     }
     let chosen = seen.colors.and_then(|colors| colors.range).filter(|_| is_other);
-    if let Some((low, high)) = scale.range.or(chosen) {
-        options.push(("range", text(format!("{},{}", tidy(low), tidy(high)))));
+    // What the first files say of percentiles others would say otherwise.
+    let typed = scale.range.filter(|range| !is_other || !range.has_percentiles());
+    if let Some(range) = typed.or(chosen.map(|(low, high)| ColorRange::of(low, high))) {
+        options.push(("range", text(range.to_string())));
     }
     let counted = data.status().kinds.kinds();
     let present = data.scene().kinds().union(&about.kinds).chain(&counted).map(|(class, _)| *class).collect();
     if let Some((name, list)) = classes(settings.visibility.classes, &present) {
         options.push((name, text(list)));
     }
+    options.extend(settings.selection.options().into_iter().map(|(name, value)| (name, text(value))));
     if settings.z_scale != 1.0 {
         options.push(("z-scale", OptionValue::Number(settings.z_scale)));
     }

@@ -1,10 +1,11 @@
 //! What the user has chosen to see, and the view of the data that follows from it.
 
 use super::data::{Data, DataAbout};
-use crate::attribute::{ColorMode, ColorTable, Ramp};
+use crate::attribute::{ColorMode, ColorRange, ColorTable, Ramp, TimeScale};
 use crate::render::camera::{Camera, Projection};
 use crate::render::frame::{Background, Shade, Traversal, View};
 use crate::resident::visibility::Visibility;
+use crate::source::{Reading, Selection};
 
 /// Samples that a resting image adds up.
 pub const SAMPLES: u32 = 16;
@@ -15,13 +16,23 @@ pub const BRIDGE: u32 = 4;
 pub const MODES: [ColorMode; 5] =
     [ColorMode::Rgb, ColorMode::Height, ColorMode::Class, ColorMode::Intensity, ColorMode::Return];
 
+/// Modes that read points again: the key leaves them out.
+pub const MORE_MODES: [ColorMode; 6] = [
+    ColorMode::HeightAboveGround,
+    ColorMode::Density,
+    ColorMode::LineDifference,
+    ColorMode::SourceId,
+    ColorMode::ScanAngle,
+    ColorMode::GpsTime,
+];
+
 /// How values become colours of a ramp.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Scale {
     /// `None`: that of the mode.
     pub ramp: Option<Ramp>,
     /// Values at the ramp's ends; `None`: chosen from the data.
-    pub range: Option<(f64, f64)>,
+    pub range: Option<ColorRange>,
 }
 
 /// What the user has chosen to see.
@@ -33,6 +44,18 @@ pub struct Settings {
     pub heights: Scale,
     /// And that of intensities.
     pub intensities: Scale,
+    /// That of scan angles.
+    pub angles: Scale,
+    /// That of GPS times.
+    pub times: Scale,
+    /// That of heights above the ground.
+    pub above: Scale,
+    /// That of densities.
+    pub densities: Scale,
+    /// That of differences between flight lines.
+    pub differences: Scale,
+    /// Points that take part.
+    pub selection: Selection,
     /// Classes, withheld points, bridges.
     pub visibility: Visibility,
     /// Vertical exaggeration.
@@ -50,12 +73,25 @@ impl Settings {
         }
     }
 
+    /// What is to be read of the data, which is read in some way now: the channel stays while nothing else is needed.
+    pub fn reading(&self, about: &DataAbout, now: &Reading) -> Reading {
+        Reading {
+            selection: self.selection.clone(),
+            channel: self.color.channel(&about.summary).unwrap_or(now.channel),
+        }
+    }
+
     /// The ramp of the colour mode, where it has one.
     pub fn scale(&self) -> Scale {
         match self.color {
             ColorMode::Height => self.heights,
             ColorMode::Intensity => self.intensities,
-            ColorMode::Rgb | ColorMode::Class | ColorMode::Return => Scale::default(),
+            ColorMode::ScanAngle => self.angles,
+            ColorMode::GpsTime => self.times,
+            ColorMode::HeightAboveGround => self.above,
+            ColorMode::Density => self.densities,
+            ColorMode::LineDifference => self.differences,
+            ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId => Scale::default(),
         }
     }
 
@@ -64,15 +100,28 @@ impl Settings {
         match self.color {
             ColorMode::Height => Some(&mut self.heights),
             ColorMode::Intensity => Some(&mut self.intensities),
-            ColorMode::Rgb | ColorMode::Class | ColorMode::Return => None,
+            ColorMode::ScanAngle => Some(&mut self.angles),
+            ColorMode::GpsTime => Some(&mut self.times),
+            ColorMode::HeightAboveGround => Some(&mut self.above),
+            ColorMode::Density => Some(&mut self.densities),
+            ColorMode::LineDifference => Some(&mut self.differences),
+            ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId => None,
         }
     }
 }
 
-/// Colour modes that the data have something to show by.
+/// Whether the data have something to show by a colour mode.
+pub fn has_mode(data: Option<&DataAbout>, mode: ColorMode) -> bool {
+    match mode {
+        ColorMode::Rgb => data.is_some_and(DataAbout::has_rgb),
+        ColorMode::GpsTime => data.is_none_or(|about| about.summary.times.is_some()),
+        _ => true,
+    }
+}
+
+/// Those of [`MODES`] that the data have something to show by.
 pub fn modes(data: Option<&DataAbout>) -> impl Iterator<Item = ColorMode> {
-    let has_rgb = data.is_some_and(DataAbout::has_rgb);
-    MODES.into_iter().filter(move |mode| has_rgb || *mode != ColorMode::Rgb)
+    MODES.into_iter().filter(move |mode| has_mode(data, *mode))
 }
 
 /// What colours were asked for, which may come to others: a field that is the same everywhere may be drawn through another.
@@ -81,13 +130,20 @@ pub struct ColorChoice {
     mode: ColorMode,
     scale: Scale,
     has_rgb: bool,
+    times: Option<TimeScale>,
 }
 
 impl ColorChoice {
+    /// Whether they are by what the channel of records holds.
+    pub fn needs_channel(&self, data: &DataAbout) -> bool {
+        self.mode.channel(&data.summary).is_some()
+    }
+
     /// That of the settings.
     pub fn of(settings: &Settings, data: Option<&DataAbout>) -> ColorChoice {
         let has_rgb = data.is_some_and(DataAbout::has_rgb);
-        ColorChoice { mode: settings.color, scale: settings.scale(), has_rgb }
+        let times = data.and_then(|about| about.summary.times);
+        ColorChoice { mode: settings.color, scale: settings.scale(), has_rgb, times }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::data::DataStatus;
 use super::numbers::short;
+use super::selection_part::rereading;
 
 /// What is going on with the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,6 +55,9 @@ impl State {
             State::NoFiles => "no files".to_owned(),
             State::NoFileShown => "no file is shown".to_owned(),
             // Not 100 % before it is.
+            State::Reading(_) | State::Loading if status.rereading.is_some() => {
+                rereading(status).unwrap_or_default()
+            }
             State::Reading(share) => format!("reading {:.0} %", (share * 100.0).floor()),
             State::Loading => "loading".to_owned(),
             State::Switching => "changing classes".to_owned(),
@@ -79,11 +83,20 @@ impl State {
             State::Opening => words("Opening …"),
             State::NoFiles => words("Drop files or folders here"),
             State::NoFileShown => words("No file is shown: check one in the list of files"),
+            State::Reading(share) if status.rereading.is_some() => {
+                Some((capital(&rereading(status).unwrap_or_default()), Some(share)))
+            }
             State::Reading(share) => Some((format!("Reading: {}", read(status)), Some(share))),
             State::Loading => words("Loading …"),
             State::OutOfSight => words("Nothing of the data is in sight: F frames it"),
         }
     }
+}
+
+/// With a capital at its start.
+fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Points that were read, and of how many.

@@ -11,10 +11,10 @@ use super::panel::{self, Panel};
 use super::pipelines::Pipelines;
 use super::redraw::Redraw;
 use super::saving::{Saving, Writer};
-use super::settings::{Scale, Settings, modes};
+use super::settings::{Scale, Settings, has_mode};
 use super::timing::FrameTiming;
 use super::toolkit::Textures;
-use crate::attribute::ColorMode;
+use crate::attribute::{AttributeError, ColorMode};
 use crate::gpu::{DeviceKind, Gpu, Overlay, Swapchain, SyncPoint};
 use crate::limits::LIMITS;
 use crate::text::harmless;
@@ -176,15 +176,30 @@ impl Viewer {
 
     /// Whether scene and colours are what the settings say.
     pub fn is_applied(&self) -> bool {
-        self.data.scene().visibility() == self.settings.seen()
+        let is_read = self
+            .data
+            .about()
+            .is_none_or(|about| self.settings.reading(about, self.data.reading()) == *self.data.reading());
+        is_read
+            && self.data.scene().visibility() == self.settings.seen()
             && self.canvas.has_colors_of(&self.data, &self.settings)
     }
 
     /// Makes the scene and the colours what the settings say.
     pub fn apply_settings(&mut self) -> anyhow::Result<()> {
-        if self.data.about().is_some_and(|about| !modes(Some(about)).any(|of| of == self.settings.color)) {
+        if self.data.about().is_some_and(|about| !has_mode(Some(about), self.settings.color)) {
+            let what = if self.settings.color == ColorMode::Rgb { "RGB" } else { "a GPS time" };
             self.settings.color = ColorMode::Height;
-            self.notify("No file has RGB: heights are shown");
+            self.notify(format!("No file has {what}: heights are shown"));
+        }
+        if let Some(about) = self.data.about() {
+            let reading = self.settings.reading(about, self.data.reading());
+            if reading != *self.data.reading() {
+                let (words, channel) = (reading.selection.words(), reading.channel.name());
+                self.log.line(format_args!("reading {words}; {channel}"));
+                self.data.set_reading(reading);
+                self.redraw.outdate();
+            }
         }
         let visibility = self.settings.seen();
         if self.data.scene().visibility() != visibility {
@@ -193,7 +208,18 @@ impl Viewer {
             self.data.scene_mut().switch_visibility(visibility)?;
             self.redraw.outdate();
         }
-        if self.canvas.apply_colors(&self.data, &self.settings)? {
+        let applied = match self.canvas.apply_colors(&self.data, &self.settings) {
+            // A range that these data do not have.
+            Err(error) if error.is::<AttributeError>() => {
+                self.notify(error.to_string());
+                if let Some(scale) = self.settings.scale_mut() {
+                    scale.range = None;
+                }
+                self.canvas.apply_colors(&self.data, &self.settings)?
+            }
+            applied => applied?,
+        };
+        if applied {
             let (name, scale) = (self.settings.color.name(), self.settings.scale());
             let ramp = scale.ramp.map_or("usual".to_owned(), |ramp| ramp.name());
             let range = self.canvas.colors().and_then(|(_, table)| table.range);
@@ -208,11 +234,24 @@ impl Viewer {
 /// What is chosen at first.
 fn settings_of(view: &ViewOptions) -> Settings {
     let color = view.color.unwrap_or(ColorMode::Height);
-    let (mut heights, mut intensities) = (Scale::default(), Scale::default());
-    let chosen = if color == ColorMode::Intensity { &mut intensities } else { &mut heights };
-    *chosen = Scale { ramp: view.ramp, range: view.range };
-    let visibility = view.data.visibility;
-    Settings { color, heights, intensities, visibility, z_scale: view.z_scale, shade: view.shade }
+    let mut settings = Settings {
+        color,
+        heights: Scale::default(),
+        intensities: Scale::default(),
+        angles: Scale::default(),
+        times: Scale::default(),
+        above: Scale::default(),
+        densities: Scale::default(),
+        differences: Scale::default(),
+        selection: view.data.selection.clone(),
+        visibility: view.data.visibility,
+        z_scale: view.z_scale,
+        shade: view.shade,
+    };
+    if let Some(scale) = settings.scale_mut() {
+        *scale = Scale { ramp: view.ramp, range: view.range };
+    }
+    settings
 }
 
 /// What the window is called: by its inputs, of many the first.

@@ -14,6 +14,7 @@ use lasray::render::frame::{Renderer, View};
 use lasray::render::image::Image;
 use lasray::section::Surface;
 use lasray::source::LidarFile;
+use lasray::source::Selection;
 use lasray::source::learned::Cache;
 use lasray::source::placement::{Placement, PlacementOptions, Treatment};
 use lasray::view;
@@ -44,6 +45,8 @@ impl Seen {
             host_bytes: 1 << 30,
             device_bytes: 1 << 28,
             visibility: BRIDGED(),
+            selection: Selection::default(),
+            color: None,
             cache,
         };
         let inputs = paths.iter().map(|path| path.clone().into_os_string()).collect();

@@ -9,6 +9,7 @@ use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
 use lasray::coords::{Bounds, Grid, LowSurface, SectionKey};
 use lasray::gpu::Gpu;
 use lasray::ingest::bins::Budget;
+use lasray::ingest::builds::Made;
 use lasray::load::{self, LoadOptions, Opening};
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
@@ -135,11 +136,12 @@ impl World {
     }
 
     pub fn of(gpu: &Gpu, surface: Surface, opening: Opening, means: Means, visibility: Visibility) -> World {
-        let Opening { inputs, grid, core, about } = opening;
+        let Opening { inputs, grid, core, about, reading } = opening;
         let Means { host_bytes, device_bytes, threads, access } = means;
         let placement = inputs[0].input.placement.clone();
+        let made = Made { surface, reading };
         World {
-            live: Live::new(inputs, surface, grid, core, host_bytes, threads, || ()),
+            live: Live::new(inputs, made, grid, core, host_bytes, threads, || ()),
             scene: Scene::new(gpu, |order| order, access, device_bytes, visibility, grid).unwrap(),
             surface,
             grid,

@@ -62,7 +62,12 @@ fn shade_is_as_its_twin() {
         let colors = |mode| ColorTable::new(mode, &data.summary, &data.grid, None, None).unwrap();
         let [rgb, height, class] = [ColorMode::Rgb, ColorMode::Height, ColorMode::Class].map(colors);
         let [intensity, returns] = [ColorMode::Intensity, ColorMode::Return].map(colors);
+        let [above, density, apart] =
+            [ColorMode::HeightAboveGround, ColorMode::Density, ColorMode::LineDifference].map(colors);
         let looks = [
+            (&above, Shade::Lit, Background::White, 1.0),
+            (&density, Shade::None, Background::White, 1.0),
+            (&apart, Shade::Lit, Background::White, 1.0),
             (&rgb, Shade::Lit, Background::Sky, 1.0),
             (&height, Shade::Lit, Background::White, 1.0),
             (&class, Shade::Lit, Background::None, 2.5),

@@ -219,7 +219,8 @@ fn percentiles_of_real_files() {
         heights.sort_unstable_by(f64::total_cmp);
         let rank =
             |value: f64| heights.partition_point(|&height| height < value) as f64 / heights.len() as f64;
-        let (low, high) = (rank(sample.attributes.height.p2), rank(sample.attributes.height.p98));
+        let (low, high) =
+            (rank(sample.attributes.height.percentile(2.0)), rank(sample.attributes.height.percentile(98.0)));
         println!("{name}: percentiles 2 and 98 of the sample are {:.1} and {:.1}", 100.0 * low, 100.0 * high);
         assert!(low < 0.07 && (0.94..0.999).contains(&high), "{name}: {low} {high}");
     }
@@ -301,7 +302,7 @@ fn points_without_a_position_are_not_framed() {
                 let words = note.words(None);
                 assert!(words.starts_with(&format!("{zeros} points")), "{words}");
                 assert!(words.contains(" at 0, 0, 24083 units from the others, are not framed"), "{words}");
-                assert!((10.0..10.1).contains(&sample.attributes.height.p2));
+                assert!((10.0..10.1).contains(&sample.attributes.height.percentile(2.0)));
             } else if every <= 20 {
                 assert!(sample.notes[0].words(None).starts_with("about "), "{:?}", sample.notes);
             }

@@ -1,10 +1,10 @@
 //! The command line of `lasray render`.
 
-use crate::attribute::{ClassMask, Ramp};
+use crate::attribute::{ClassMask, ColorRange, Ramp};
 use crate::command::placement::PlacementArgs;
 use crate::command::values::{
-    self, Cell, ClassList, Color, Orbit, Ortho, Place, bytes, cell, classes, color, detail, fov, orbit,
-    ortho, place, positive, range, size,
+    self, Cell, ClassList, Color, Orbit, Ortho, Place, SelectionArgs, bytes, cell, classes, color, detail,
+    fov, orbit, ortho, place, positive, range, size,
 };
 use crate::gpu::Gpu;
 use crate::output::Target;
@@ -95,16 +95,18 @@ pub struct Args {
     #[arg(long, default_value_t = 1.0, value_parser = positive, help_heading = "Camera")]
     pub(super) z_scale: f64,
 
-    /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity or
-    /// return
+    /// What colours show: auto (RGB, else classes, else heights), rgb, height (or elevation, z), class, intensity, return,
+    /// source-id, scan-angle, gps-time, height-above-ground (or hag), density (points in a square unit, over squares of four
+    /// cells each way, noise and withheld points left out) or line-difference (how far flight lines are apart there)
     #[arg(long, visible_alias = "colour", default_value = "auto", value_parser = color, help_heading = "Colour")]
     pub(super) color: Color,
-    /// Colour ramp of heights and intensities
+    /// Colour ramp of heights, intensities, angles, times, densities and differences
     #[arg(long, value_enum, help_heading = "Colour")]
     pub(super) ramp: Option<Ramp>,
-    /// Values at the ramp's ends: LO,HI [default: percentiles 2 and 98]
-    #[arg(long, value_parser = range, allow_hyphen_values = true, help_heading = "Colour", value_name = "LO,HI")]
-    pub(super) range: Option<(f64, f64)>,
+    /// Values at the ramp's ends, or percentiles of what the data have: 180..260, 2%..98% or 0..98% [default: 2%..98%; of scan
+    /// angles and times all; of heights above ground, densities and differences from 0]
+    #[arg(long, value_parser = range, allow_hyphen_values = true, help_heading = "Colour", value_name = "A..B")]
+    pub(super) range: Option<ColorRange>,
     /// Bits of the RGB fields, where the choice from the data is wrong
     #[arg(long, value_parser = ["8", "16"], help_heading = "Colour")]
     pub(super) rgb_bits: Option<String>,
@@ -118,6 +120,9 @@ pub struct Args {
     /// Show withheld points
     #[arg(long, help_heading = "Layers")]
     pub(super) withheld: bool,
+
+    #[command(flatten)]
+    pub(super) selection: SelectionArgs,
 
     /// Side of a cell in units of the picture (metres where the data are in degrees or Mercator), with a unit, 50cm, or
     /// auto

@@ -4,6 +4,7 @@ use super::args::{Args, Wait};
 use crate::coords::{Grid, SectionKey};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::Core;
+use crate::ingest::builds::Made;
 use crate::ingest::input::OpenInput;
 use crate::limits::LIMITS;
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
@@ -15,6 +16,7 @@ use crate::resident::scene::Scene;
 use crate::resident::visibility::why_hidden;
 use crate::section::slot::slot_bytes;
 use crate::section::{Columns, Payload};
+use crate::source::Reading;
 use std::path::Path;
 use std::time::Duration;
 
@@ -27,12 +29,17 @@ pub(super) enum Data {
 }
 
 impl Data {
+    /// `legend`: what colours are chosen by, where it is not the data alone.
     pub(super) fn of(
         opening: Opening,
+        legend: Option<&About>,
         (args, output): (&Args, &Path),
         options: &LoadOptions,
         problems: &mut Problems,
     ) -> Result<Data, LoadError> {
+        let legend = legend.unwrap_or(&opening.about);
+        let (mode, summary) = (args.color.0.unwrap_or(legend.color), legend.summary.clone());
+        let opening = opening.colored(mode, &summary, problems);
         // Exact pictures are made of the finest cells, all of them; the plain traversal knows no others.
         let exact = args.is_exact(output);
         let whole = args.plain || args.detail.is_none() && exact && args.wait == Wait::Complete;
@@ -48,7 +55,9 @@ impl Data {
             Data::Whole(Loaded { grid, about, sections, points }) => {
                 (grid, about, Content::Whole(sections, points))
             }
-            Data::Live(Opening { inputs, grid, core, about }) => (grid, about, Content::Live(inputs, core)),
+            Data::Live(Opening { inputs, grid, core, about, reading }) => {
+                (grid, about, Content::Live(inputs, core, reading))
+            }
         }
     }
 }
@@ -58,7 +67,7 @@ pub(super) enum Content {
     /// Sections, and how many points are in them.
     Whole(Vec<(SectionKey, Columns)>, u64),
     /// Files to be read.
-    Live(Vec<OpenInput>, Core),
+    Live(Vec<OpenInput>, Core, Reading),
 }
 
 /// A scene, and what is streamed into it.
@@ -104,11 +113,11 @@ impl Filled {
                 }
                 Ok(Filled { scene, live: None, points, sections: count })
             }
-            Content::Live(inputs, core) => {
+            Content::Live(inputs, core, reading) => {
                 let points = inputs.iter().map(|input| input.input.file.points()).sum();
                 let host_bytes = args.host_memory;
-                let mut live =
-                    Live::new(inputs, args.surface, grid, core, host_bytes, load::threads(), || ());
+                let made = Made { surface: args.surface, reading };
+                let mut live = Live::new(inputs, made, grid, core, host_bytes, load::threads(), || ());
                 if !keeps_copies {
                     live.keep_no_copies();
                 }

@@ -16,6 +16,7 @@ use crate::problems::Problems;
 use crate::render::camera::{Camera, Projection};
 use crate::render::frame::{Background, check_size};
 use crate::render::image::Format;
+use crate::sample::Asked;
 use crate::source::inputs::{self, Inputs};
 use crate::source::placement::PlacementOptions;
 use std::path::PathBuf;
@@ -80,7 +81,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         cell: args.cell.0,
         placement: args.placement.options(),
         rgb_bits: args.rgb_bits.as_ref().map(|b| if b == "8" { 8 } else { 16 }),
-        asked: args.visibility(false).asked(),
+        asked: Asked { selection: args.selection.selection(), ..args.visibility(false).asked() },
         budget: Budget {
             host_bytes: args.host_memory,
             // Pages of the pool do not fill up to the last byte.
@@ -95,7 +96,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
 
     problems.look_at(&found);
     let opened = match args.demo {
-        true => load::demo(&options, problems).map(Data::Whole),
+        true => load::demo(args.color.0, &options, problems).map(Data::Whole),
         false if args.each => {
             let drawn = each(&gpu, (&found, &pictures), &args, &options, &protected, problems);
             finish(problems, &args);
@@ -103,7 +104,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
             return outcome(&gpu, &args, problems);
         }
         false => load::open(&found.files, &options, problems)
-            .and_then(|opening| Data::of(opening, (&args, &output), &options, problems)),
+            .and_then(|opening| Data::of(opening, None, (&args, &output), &options, problems)),
     };
     say(problems, &args);
     let work =
@@ -143,7 +144,7 @@ fn each(
         let said = problems.said();
         let work = Work { args, output, film: None, protected, legend: all.as_ref() };
         let data = load::open(std::slice::from_ref(path), &options, problems)
-            .and_then(|opening| Data::of(opening, (args, output), &options, problems))
+            .and_then(|opening| Data::of(opening, all.as_ref(), (args, output), &options, problems))
             .map_err(usage_of_load);
         match data.and_then(|data| draw(gpu, data, &work, problems)) {
             Ok(()) => drawn = true,

@@ -5,8 +5,8 @@ use super::rays::{Origins, ViewRays};
 use crate::attribute::ColorMode;
 use crate::coords::{Grid, Height, LOW_SIDE, LowSurface, Slab};
 use crate::shared::passes::{
-    BACKGROUND_NONE, BACKGROUND_SKY, BACKGROUND_WHITE, BITS_FACE_MASK, BITS_FACE_SHIFT, COLOR_CLASS,
-    COLOR_HEIGHT, COLOR_INTENSITY, COLOR_RETURNS, COLOR_RGB, FACE_TOP, SHADE_LIT,
+    BACKGROUND_NONE, BACKGROUND_SKY, BACKGROUND_WHITE, BITS_FACE_MASK, BITS_FACE_SHIFT, COLOR_CHANNEL,
+    COLOR_CLASS, COLOR_HEIGHT, COLOR_KNOWN, COLOR_PALETTE, COLOR_RETURNS, COLOR_RGB, FACE_TOP, SHADE_LIT,
 };
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -90,7 +90,12 @@ impl FrameConstants {
                 ColorMode::Rgb => COLOR_RGB,
                 ColorMode::Height => COLOR_HEIGHT,
                 ColorMode::Class => COLOR_CLASS,
-                ColorMode::Intensity => COLOR_INTENSITY,
+                ColorMode::Intensity
+                | ColorMode::ScanAngle
+                | ColorMode::GpsTime
+                | ColorMode::HeightAboveGround => COLOR_CHANNEL,
+                ColorMode::Density | ColorMode::LineDifference => COLOR_KNOWN,
+                ColorMode::SourceId => COLOR_PALETTE,
                 ColorMode::Return => COLOR_RETURNS,
             },
             range_low: view.colors.lo,
@@ -208,8 +213,8 @@ pub(in super::super) struct HitRecord {
     pub(super) t: f32,
     /// Class (256: a miss) | origin << 9 | face << 12 | detail level << 15 | stands in << 20.
     pub(in super::super) bits: u32,
-    /// Nodes that the traversal looked at.
-    pub(super) steps: u32,
+    /// Nodes that the traversal looked at | what the channel of the record holds << 16, where colours are by that.
+    pub(in super::super) rest: u32,
     /// Lattice steps from the anchor.
     pub(super) top: i32,
 }

@@ -1,7 +1,7 @@
 //! Frames of a scene: their passes are recorded and submitted, and come back as an image where one is wanted.
 
 use super::super::camera::CameraError;
-use super::super::image::Image;
+use super::super::image::{Image, Values};
 use super::bands::{Band, band_rows, check_size};
 use super::buffers::{BYTES_PER_PIXEL, FrameInputs, FrameTargets};
 use super::error::FrameError;
@@ -20,6 +20,7 @@ use crate::resident::table::Table;
 use crate::resident::visibility::ColumnData;
 use crate::shared::passes::{
     BITS_CLASS_MASK, BITS_FACE_MASK, BITS_FACE_SHIFT, BITS_MISS, BITS_ORIGIN_MASK, BITS_ORIGIN_SHIFT,
+    HIT_VALUE_SHIFT, MOST_STEPS,
 };
 use bytemuck::Zeroable;
 #[cfg(feature = "view")]
@@ -30,7 +31,14 @@ use std::sync::Arc;
 pub(in super::super) fn derive_colors(scene: &mut Scene, view: &View) -> Result<(), GpuError> {
     match view.colors.mode {
         ColorMode::Rgb => scene.set_column_data(ColumnData::Colors),
-        ColorMode::Intensity | ColorMode::Return => scene.set_column_data(ColumnData::Values),
+        ColorMode::Intensity
+        | ColorMode::Return
+        | ColorMode::SourceId
+        | ColorMode::ScanAngle
+        | ColorMode::GpsTime
+        | ColorMode::HeightAboveGround
+        | ColorMode::Density
+        | ColorMode::LineDifference => scene.set_column_data(ColumnData::Values),
         ColorMode::Class | ColorMode::Height => Ok(()),
     }
 }
@@ -96,6 +104,8 @@ impl Renderer {
         check_size(scene.gpu(), view.size)?;
         let rays = self.rays(view)?;
         let mut image = Image::new(view.size);
+        let codes = || vec![0; image.class.len()];
+        image.values = view.colors.channel.map(|channel| Values { channel, codes: codes() });
         let [width, height] = view.size;
         let samples = view.samples.max(1);
         let mut hits = Vec::new();
@@ -377,7 +387,10 @@ impl Renderer {
     fn finish(&self, rays: &ViewRays, hits: &[HitRecord], from: usize, image: &mut Image) {
         let width = image.width;
         for (at, hit) in (from..).zip(hits) {
-            image.steps += u64::from(hit.steps);
+            image.steps += u64::from(hit.rest & MOST_STEPS);
+            if let Some(values) = &mut image.values {
+                values.codes[at] = (hit.rest >> HIT_VALUE_SHIFT) as u16;
+            }
             let class = hit.bits & BITS_CLASS_MASK;
             image.class[at] = class;
             if class == BITS_MISS {

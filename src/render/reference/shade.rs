@@ -54,7 +54,14 @@ fn srgb(colors: &ColorTable, column: &Column) -> [f64; 3] {
         ColorMode::Rgb => return column.rgb.map(|v| f64::from(v) / 255.0),
         ColorMode::Height => (column.height_steps + (1 << 31)) as u32,
         ColorMode::Class => column.class.into(),
-        ColorMode::Intensity => column.intensity.into(),
+        ColorMode::Density | ColorMode::LineDifference if column.intensity == 0 => return [0.65; 3],
+        ColorMode::Intensity
+        | ColorMode::ScanAngle
+        | ColorMode::GpsTime
+        | ColorMode::HeightAboveGround
+        | ColorMode::Density
+        | ColorMode::LineDifference => column.intensity.into(),
+        ColorMode::SourceId => (u32::from(column.intensity) + column.intensity as u32 / 256 * 37) % 256,
         ColorMode::Return => column.returns.into(),
     };
     let entry = (f64::from(value.saturating_sub(colors.lo)) * f64::from(colors.scale)).min(255.0);
