@@ -581,6 +581,15 @@ fn wrong_arguments() {
         (&["--device-memory", "plenty"], "'plenty' is not a number of bytes"),
         (&["--z-unit", "cubit"], "unknown unit cubit"),
         (&["--color", "beige"], "'beige'"),
+        (&["--returns", "second"], "'second'"),
+        (&["--source-id", "3,x"], "'x' is not a point source id: 3,7-9"),
+        (&["--source-id", "9-3"], "9 is above 3"),
+        (&["--source-id", "65536"], "65536 is out of range: point source ids are 0 to 65535"),
+        (&["--intensity", "100,2000"], "'100,2000' is not a number; a range is 100..2000, 100.. or ..2000"),
+        (&["--intensity", "9..3"], "9 is above 3"),
+        (&["--heights", "low..high"], "'low' is not a number"),
+        (&["--heights", "-9..-10"], "-9 is above -10"),
+        (&["--gps-time", "..inf"], "'inf' is not finite"),
         (&["--wrong"], "--wrong"),
         (&["-o", "out/a.bmp"], "out/a.bmp: pictures are written as .png, .jpg or .exr"),
         (&["-o", "out/a"], "out/a: pictures are written as .png, .jpg or .exr"),
@@ -600,6 +609,52 @@ fn wrong_arguments() {
         1,
         &["do not fit 2.00 GiB of host and 1 B of device memory"],
     ));
+    try_all(cases);
+}
+
+/// Where no point takes part, or a file cannot tell whether its points do, that is said.
+#[test]
+fn what_is_selected_is_drawn_or_said_to_be_nothing() {
+    let mut cases = Vec::new();
+    for way in [&["--shade", "none"][..], &[]] {
+        let nothing: [(&[&str], &str); 2] = [
+            (
+                &["--source-id", "9,60000-60010", "--returns", "only"],
+                "nothing to draw: no point is selected (single returns, source id 9,60000-60010)",
+            ),
+            (&["--heights", "1e6.."], "nothing to draw: no point is selected (heights 1000000..)"),
+        ];
+        let some: [(&[&str], &str); 3] = [
+            (&["--returns", "first", "--intensity", "..2900"], "points read"),
+            (&["--source-id", "0-2", "--color", "source-id"], "coloured by source-id"),
+            (&["--color", "scan-angle", "--range", "-5,5"], "coloured by scan-angle from -5.0 to 5.0"),
+        ];
+        for (code, (more, says)) in
+            nothing.map(|case| (1, case)).into_iter().chain(some.map(|case| (0, case)))
+        {
+            let words_of = [way, more].concat();
+            cases.push(Case::new(words_of.join(" "), code, &[says], move |folder| {
+                fs::write(folder.join("good.las"), las(300)).unwrap();
+                Some(words(["good.las", "-o", "out/a.png"].iter().chain(&words_of).copied()))
+            }));
+        }
+        // A format without times: once, and of which file.
+        let untimed: [(&[&str], i32, &str); 2] = [
+            (
+                &["--gps-time", "0..1e18"],
+                1,
+                "a.las: point format 2 has no GPS time: none of its points is selected by time",
+            ),
+            (&["--color", "gps-time"], 0, "a.las: point format 2 has no GPS time: its points are grey"),
+        ];
+        for (more, code, says) in untimed {
+            let words_of = [way, more].concat();
+            cases.push(Case::new(words_of.join(" "), code, &[says], move |folder| {
+                fs::write(folder.join("a.las"), Made::new(2, Packing::Plain, 300).bytes()).unwrap();
+                Some(words(["a.las", "-o", "out/a.png"].iter().chain(&words_of).copied()))
+            }));
+        }
+    }
     try_all(cases);
 }
 

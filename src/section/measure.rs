@@ -282,8 +282,8 @@ mod tests {
     use crate::section::{Columns, Surface};
     use proptest::prelude::*;
 
-    const FINE: Stacking = Stacking { thickness: 8, slice_log2: 4 };
-    const COARSE: Stacking = Stacking { thickness: 16, slice_log2: 5 };
+    const FINE: Stacking = Stacking { thickness: 8, slice_log2: 4, reach: 2 };
+    const COARSE: Stacking = Stacking { thickness: 16, slice_log2: 5, reach: 1 };
 
     /// Column, and the record of a point of a line.
     type Point = ([u32; 2], Record);

@@ -8,6 +8,7 @@ use super::{
     laszip::{Compressor, Laszip},
     layers::{ChunkLayers, WantedLayers},
     stream::{ByteStream, Splice, source_error},
+    times::Times,
 };
 use laz::{
     LazItem, LazItemType,
@@ -301,7 +302,9 @@ impl Decoder {
             self.raw.resize(wanted.end as usize * layout.len, 0);
             let raw = &mut self.raw;
             let decoded = contain(|| {
-                Layered::new(handle.clone(), &laszip.items, layout, &layers, ranges).decode(raw, layout.len)
+                let mut records = Layered::new(handle.clone(), &laszip.items, layout, &layers, ranges);
+                records.add_times(&handle, &layers, which)?;
+                records.decode(raw, layout.len)
             });
             if let Ok(Ok(())) = decoded {
                 self.emit(layout, chunk, 0, sink);
@@ -310,10 +313,14 @@ impl Decoder {
         }
         let _held = memory.take(needed);
         let mut records = contain(|| match self.all_layers {
-            true => Layered::all(handle, &laszip.items, &layers),
-            false => Layered::new(handle, &laszip.items, layout, &layers, layers.wanted(which)),
+            true => Layered::all(handle.clone(), &laszip.items, &layers),
+            false => Layered::new(handle.clone(), &laszip.items, layout, &layers, layers.wanted(which)),
         })
         .map_err(bad)?;
+        if !self.all_layers {
+            let added = contain(|| records.add_times(&handle, &layers, which));
+            added.and_then(|added| added.map_err(|stop| stop.error.to_string())).map_err(bad)?;
+        }
         let held = wanted.start.min(layers.records)..wanted.end.min(layers.records);
         self.decode_records(file, layout, chunk, held.clone(), &mut records, sink)?;
         if held.end < wanted.end {
@@ -464,8 +471,12 @@ impl Records for Sequential<'_, '_> {
     }
 }
 
-/// The records of one layered chunk, without the layers that a [`PointBlock`] has no column for.
-struct Layered<'f>(LayeredPointRecordDecompressor<'f, Splice<'f>>);
+/// The records of one layered chunk, without the layers that are not asked for.
+struct Layered<'f> {
+    inner: LayeredPointRecordDecompressor<'f, Splice<'f>>,
+    /// Where they are asked for.
+    times: Option<Times<'f>>,
+}
 
 impl<'f> Layered<'f> {
     /// `items` have been checked to be of versions 3 and 4; `ranges`: where the wanted layers lie.
@@ -500,7 +511,23 @@ impl<'f> Layered<'f> {
                 _ => {}
             }
         }
-        Layered(inner)
+        Layered { inner, times: None }
+    }
+
+    /// Records have their times, where those are wanted.
+    fn add_times(
+        &mut self,
+        file: &OpenFile<'f>,
+        layers: &ChunkLayers,
+        wanted: WantedLayers,
+    ) -> Result<(), Stop> {
+        if wanted.fields.gps_time {
+            let ranges = layers.of_times();
+            let streams = || ranges.clone().map(|range| ByteStream::new(file.clone(), Vec::new(), range));
+            let times = Times::new(&layers.first, (!ranges[1].is_empty()).then(streams));
+            self.times = Some(times.map_err(|error| Stop { error, sound: 0 })?);
+        }
+        Ok(())
     }
 
     /// The same with every layer; `items` have been checked to be of versions 3 and 4.
@@ -530,14 +557,18 @@ impl<'f> Layered<'f> {
                 _ => {}
             }
         }
-        Layered(to)
+        Layered { inner: to, times: None }
     }
 }
 
 impl Records for Layered<'_> {
     fn decode(&mut self, raw: &mut [u8], len: usize) -> Result<(), Stop> {
         for record in raw.chunks_exact_mut(len) {
-            self.0.decompress_next(record).map_err(|error| Stop { error, sound: 0 })?;
+            self.inner.decompress_next(record).map_err(|error| Stop { error, sound: 0 })?;
+            if let Some(times) = &mut self.times {
+                let time = times.next().map_err(|error| Stop { error, sound: 0 })?;
+                record[22..30].copy_from_slice(&time);
+            }
         }
         Ok(())
     }

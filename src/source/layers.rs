@@ -14,7 +14,7 @@ const USUAL_LAYERS: usize = 5;
 pub(super) struct WantedLayers {
     /// Colours, which the format has.
     pub rgb: bool,
-    /// What else is asked for.
+    /// What else is asked for; times are decoded apart.
     pub fields: Fields,
 }
 
@@ -24,7 +24,6 @@ impl WantedLayers {
             0..USUAL_LAYERS => true,
             5 => self.fields.scan_angle,
             7 => self.fields.source_id,
-            8 => self.fields.gps_time,
             _ => layer == POINT_LAYERS && self.rgb,
         }
     }
@@ -108,6 +107,13 @@ impl ChunkLayers {
     /// Where all layers lie in the file.
     pub fn range(&self) -> Range<u64> {
         self.start..self.start + self.byte_len() - self.head_len
+    }
+
+    /// Where the layer of returns, X and Y lies, and that of times.
+    pub fn of_times(&self) -> [Range<u64>; 2] {
+        let start =
+            |layer: usize| self.start + self.sizes[..layer].iter().map(|&size| u64::from(size)).sum::<u64>();
+        [0, 8].map(|layer| start(layer)..start(layer) + u64::from(self.sizes[layer]))
     }
 
     /// Where the point layers and, where it is wanted, the R, G, B layer lie in the file; of those that are not wanted, nothing.

@@ -32,6 +32,7 @@ pub mod reproject;
 mod selection;
 mod stream;
 pub mod system;
+mod times;
 mod vlr;
 mod wkt;
 

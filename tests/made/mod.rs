@@ -385,7 +385,7 @@ pub fn records(format: u8, extra: u16, points: usize) -> Vec<u8> {
             );
             raw.push(rng.random_range(0..20));
             raw.push(0);
-            raw.extend(1u16.to_le_bytes());
+            raw.extend(((x >> 6 & 3) as u16).to_le_bytes());
             if [1, 3, 4, 5].contains(&format) {
                 raw.extend(time.to_le_bytes());
             }
@@ -397,7 +397,7 @@ pub fn records(format: u8, extra: u16, points: usize) -> Vec<u8> {
             raw.push(if rng.random_bool(0.1) { rng.random() } else { 2 });
             raw.push(7);
             raw.extend(rng.random_range(-3000..3000i16).to_le_bytes());
-            raw.extend(1u16.to_le_bytes());
+            raw.extend(((x >> 6 & 3) as u16).to_le_bytes());
             raw.extend(time.to_le_bytes());
         }
         let rest = usize::from(FORMAT_LEN[usize::from(format)] + extra) - (raw.len() - start);
@@ -433,6 +433,28 @@ pub fn columns(format: u8, record_len: usize, raw: &[u8]) -> PointBlock {
         }
     }
     block
+}
+
+/// What else must come out of raw records, where it is asked for: source ids, scan angles in steps of 0.006°, bits of times.
+pub fn more_columns(format: u8, record_len: usize, raw: &[u8]) -> (Vec<u16>, Vec<i16>, Vec<u64>) {
+    let (mut ids, mut angles, mut times) = (Vec::new(), Vec::new(), Vec::new());
+    for r in raw.chunks_exact(record_len) {
+        let word = |at: usize| u16::from_le_bytes(r[at..at + 2].try_into().unwrap());
+        let time = |at: usize| u64::from_le_bytes(r[at..at + 8].try_into().unwrap());
+        if format < 6 {
+            ids.push(word(18));
+            angles.push((f64::from(r[16] as i8) * 1000.0 / 6.0).round() as i16);
+        } else {
+            ids.push(word(20));
+            angles.push(word(18) as i16);
+        }
+        match format {
+            0 | 2 => {}
+            1 | 3..=5 => times.push(time(20)),
+            _ => times.push(time(22)),
+        }
+    }
+    (ids, angles, times)
 }
 
 /// Appends `block` to `all`.

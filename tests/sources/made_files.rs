@@ -1,7 +1,9 @@
 //! Files made in memory, in every format and packing: what comes out is what went in.
 
-use crate::made::{FORMAT_LEN, Made, Packing, append, columns, compatible, data_dir, decode_all};
-use lasray::source::{Chunk, Decoder, LayerMemory, LidarFile, PointBlock, SourceError, Warning};
+use crate::made::{
+    FORMAT_LEN, Made, Packing, append, columns, compatible, data_dir, decode_all, more_columns,
+};
+use lasray::source::{Chunk, Decoder, Fields, LayerMemory, LidarFile, PointBlock, SourceError, Warning};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -60,6 +62,46 @@ fn every_format_and_packing() {
     for format in 0..=10 {
         for made in packings(format) {
             expect(&made, &made.bytes(), made.points(), &[]);
+        }
+    }
+}
+
+/// Source ids, scan angles and times, where they are asked for, alone and together.
+#[test]
+fn fields_that_are_asked_for_are_those_that_were_written() {
+    for format in 0..=10 {
+        for made in packings(format) {
+            let disk = on_disk(&made.bytes());
+            let file = LidarFile::open(&disk.path).unwrap();
+            let written = columns(made.format, made.record_len(), &made.records);
+            let raw = more_columns(made.format, made.record_len(), &made.records);
+            for bits in 0..8u8 {
+                let [source_id, scan_angle, gps_time] = [1, 2, 4].map(|bit| bits & bit != 0);
+                let mut decoder = Decoder::default();
+                decoder.set_fields(Fields { source_id, scan_angle, gps_time });
+                let (mut ids, mut angles) = (Vec::<u16>::new(), Vec::<i16>::new());
+                let (mut times, mut x) = (Vec::<u64>::new(), Vec::<i32>::new());
+                for chunk in &file.chunks {
+                    let mut take = |block: &PointBlock| {
+                        ids.extend(&block.source_id);
+                        angles.extend(&block.scan_angle);
+                        times.extend(block.gps_time.iter().map(|time| time.to_bits()));
+                        x.extend(&block.x);
+                    };
+                    decoder.decode(&file, chunk, 0..chunk.records, &mut take).unwrap();
+                }
+                let what = format!("format {format} {:?} {bits:b}", made.packing);
+                assert!(x == written.x, "{what}");
+                assert!(ids == if source_id { raw.0.clone() } else { Vec::new() }, "{what}");
+                assert!(angles == if scan_angle { raw.1.clone() } else { Vec::new() }, "{what}");
+                assert!(times == if gps_time { raw.2.clone() } else { Vec::new() }, "{what}");
+            }
+            // The first points of chunks have them raw.
+            let mut decoder = Decoder::default();
+            decoder.set_fields(Fields::ALL);
+            let firsts = decoder.first_points(&file, 65_536).unwrap();
+            assert_eq!(firsts.source_id.first(), raw.0.first());
+            assert_eq!(firsts.gps_time.first().map(|time| time.to_bits()), raw.2.first().copied());
         }
     }
 }

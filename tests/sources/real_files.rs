@@ -1,7 +1,7 @@
 //! Real files: the points are those that the `las` crate reads, and bad files give what can be had.
 
-use crate::made::{append, columns, data_dir, decode_all, las_crate_files, lidar_files};
-use lasray::source::{Decoder, LidarFile, PointBlock};
+use crate::made::{append, columns, data_dir, decode_all, las_crate_files, lidar_files, more_columns};
+use lasray::source::{Decoder, Fields, LidarFile, PointBlock};
 use std::path::Path;
 
 /// Expects that `path` is sound and that its columns are those of `las`'s raw records.
@@ -19,6 +19,17 @@ fn compare(path: &Path) {
         let range = chunk.first_record as usize..(chunk.first_record + chunk.records) as usize;
         let raw = &points.raw_bytes()[range.start * len..range.end * len];
         assert!(all == columns(file.header.format, len, raw), "{}: {chunk:?}", path.display());
+        let (mut ids, mut angles, mut times) = (Vec::<u16>::new(), Vec::<i16>::new(), Vec::<u64>::new());
+        let mut decoder = Decoder::default();
+        decoder.set_fields(Fields::ALL);
+        let mut take = |block: &PointBlock| {
+            ids.extend(&block.source_id);
+            angles.extend(&block.scan_angle);
+            times.extend(block.gps_time.iter().map(|time| time.to_bits()));
+        };
+        decoder.decode(&file, chunk, 0..u64::MAX, &mut take).unwrap();
+        let more = more_columns(file.header.format, len, raw);
+        assert!((ids, angles, times) == more, "{}: {chunk:?}", path.display());
     }
 }
 
