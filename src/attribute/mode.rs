@@ -1,7 +1,7 @@
 //! What points are coloured by.
 
 use super::channel::Channel;
-use super::summary::AttributeSummary;
+use super::summary::{AttributeSummary, Spread};
 use clap::ValueEnum;
 
 /// What a point is coloured by.
@@ -60,6 +60,23 @@ impl ColorMode {
             ColorMode::HeightAboveGround => Some(Channel::AboveGround(sample.above_scale())),
             ColorMode::Density => Some(Channel::Density(sample.density_steps())),
             ColorMode::LineDifference => Some(Channel::LineDifference(sample.difference_steps())),
+        }
+    }
+
+    /// How what its ramp is of is spread; `None`: it has no ramp, or nothing is known.
+    pub fn spread(self, sample: &AttributeSummary) -> Option<&Spread> {
+        match self {
+            ColorMode::Height => Some(&sample.height),
+            ColorMode::Intensity => Some(&sample.intensity),
+            ColorMode::ScanAngle => Some(&sample.scan_angle),
+            ColorMode::GpsTime => Some(&sample.time),
+            ColorMode::HeightAboveGround => Some(&sample.above),
+            ColorMode::Rgb
+            | ColorMode::Class
+            | ColorMode::Return
+            | ColorMode::SourceId
+            | ColorMode::Density
+            | ColorMode::LineDifference => None,
         }
     }
 

@@ -1,7 +1,6 @@
 //! What a sample of points says of their attributes: the spread of values, and which occur.
 
 use super::channel::{AboveScale, Steps, TimeScale};
-use super::mode::ColorMode;
 use super::record::Attributes;
 use crate::coords::Grid;
 
@@ -151,23 +150,6 @@ pub struct AttributeSummary {
 }
 
 impl AttributeSummary {
-    /// How what a ramp is of is spread; `None`: the mode has none.
-    pub fn spread(&self, mode: ColorMode) -> Option<&Spread> {
-        match mode {
-            ColorMode::Height => Some(&self.height),
-            ColorMode::Intensity => Some(&self.intensity),
-            ColorMode::ScanAngle => Some(&self.scan_angle),
-            ColorMode::GpsTime => Some(&self.time),
-            ColorMode::HeightAboveGround => Some(&self.above),
-            ColorMode::Rgb
-            | ColorMode::Class
-            | ColorMode::Return
-            | ColorMode::SourceId
-            | ColorMode::Density
-            | ColorMode::LineDifference => None,
-        }
-    }
-
     /// A power of two of CRS units, of which 60,000 are all heights.
     fn height_unit(&self) -> f64 {
         let extent = self.height.max - self.height.min;

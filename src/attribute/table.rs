@@ -245,7 +245,7 @@ fn known_range(
     sample: &AttributeSummary,
     asked: Option<ColorRange>,
 ) -> Result<Option<(f64, f64)>, AttributeError> {
-    let (Some(asked), spread) = (asked, sample.spread(mode)) else { return Ok(None) };
+    let (Some(asked), spread) = (asked, mode.spread(sample)) else { return Ok(None) };
     let is_constant = spread.is_none_or(|spread| spread.min >= spread.max);
     match (spread, mode.channel(sample)) {
         (None, Some(channel)) if asked.has_percentiles() && mode != ColorMode::SourceId => {

@@ -187,7 +187,7 @@ pub fn show(
             };
             legend(ui, table, range, &unit);
             if let Some(scale) = settings.scale_mut() {
-                choices(ui, scale, (range, about.and_then(|about| about.summary.spread(mode))), places);
+                choices(ui, scale, (range, about.and_then(|about| mode.spread(&about.summary))), places);
             }
             if table.knows_none() {
                 ui.horizontal(|ui| {
