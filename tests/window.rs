@@ -1375,3 +1375,40 @@ fn ramps_and_ranges_are_chosen_and_colours_offered_where_they_are() {
         assert_eq!(window.end(), Some(0));
     });
 }
+
+/// The picture that the window shows, saved as the `number`th.
+fn saved_picture(window: &Window, folder: &Path, number: u32) -> Vec<u8> {
+    window.key("p");
+    window.wait("saved");
+    rgb(&folder.join(format!("lasray-{number:04}.png")))
+}
+
+#[test]
+fn returns_are_chosen_and_points_are_read_again() {
+    let test = "returns_are_chosen_and_points_are_read_again";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let (folder, file) = town();
+        let arguments = ["--size", "1200x860", file.to_str().unwrap()];
+        let mut window = Window::open(&display, folder.path(), &arguments);
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        window.click("part points");
+        window.wait("returns first");
+        let all = saved_picture(&window, folder.path(), 1);
+
+        window.click("returns first");
+        assert_eq!(window.wait_all("reading ").1, "first returns; intensity");
+        window.wait("settled");
+        let first = saved_picture(&window, folder.path(), 2);
+        assert!(first != all, "some are hidden");
+        window.key("ctrl+c");
+        assert!(window.wait_all("command ").1.contains(" --returns first "));
+        window.click("returns all");
+        assert_eq!(window.wait_all("reading ").1, "all points; intensity");
+        window.wait("settled");
+        assert!(saved_picture(&window, folder.path(), 3) == all, "and back");
+        assert_eq!(window.end(), Some(0));
+    });
+}

@@ -1,7 +1,7 @@
 //! Scenes as the program makes them, and the same points read apart from it.
 #![allow(dead_code)] // each test file uses its part
 
-use lasray::attribute::{AttributeSummary, ClassMask, ColorTable};
+use lasray::attribute::{AttributeSummary, ClassMask, ColorMode, ColorTable};
 use lasray::coords::{Bounds, Grid, Height, LowSurface, SectionKey, Slab};
 use lasray::gpu::{Gpu, Order};
 use lasray::ingest::bins::Budget;
@@ -49,6 +49,19 @@ pub fn town(folder: &Path, name: &str, corner: [f64; 2], side: f64) -> PathBuf {
     path
 }
 
+fn options(cell: Option<f64>) -> LoadOptions {
+    LoadOptions {
+        surface: Surface::Columns,
+        cell: cell.map(Into::into),
+        placement: PlacementOptions::default(),
+        rgb_bits: None,
+        asked: sample::Asked::default(),
+        budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 30 },
+        cache: None,
+        quiet: true,
+    }
+}
+
 /// Files ready to be put on a device.
 pub struct Data {
     pub sections: Vec<(SectionKey, Payload)>,
@@ -68,25 +81,38 @@ impl Data {
         Data::load_with(paths, cell, |options| options)
     }
 
+    /// The same in colours of a mode, with what that needs of the points; and other options.
+    pub fn load_colored(
+        paths: &[PathBuf],
+        cell: Option<f64>,
+        mode: ColorMode,
+        change: impl FnOnce(LoadOptions) -> LoadOptions,
+    ) -> Data {
+        let options = change(options(cell));
+        let mut problems = Problems::default();
+        let opening = load::open(paths, &options, &mut problems).unwrap();
+        let summary = opening.about.summary.clone();
+        let opening = opening.colored(mode, &summary, &mut problems);
+        let loaded = load::read(opening, &options, &mut problems).unwrap();
+        assert!(!problems.failed, "{problems:?}");
+        let data = Data::of(paths, loaded);
+        let colors = ColorTable::new(mode, &summary, &data.grid, None, None).unwrap();
+        Data { colors, ..data }
+    }
+
     /// The same with other options.
     pub fn load_with(
         paths: &[PathBuf],
         cell: Option<f64>,
         change: impl FnOnce(LoadOptions) -> LoadOptions,
     ) -> Data {
-        let options = LoadOptions {
-            surface: Surface::Columns,
-            cell: cell.map(Into::into),
-            placement: PlacementOptions::default(),
-            rgb_bits: None,
-            asked: sample::Asked::default(),
-            budget: Budget { host_bytes: 1 << 31, device_bytes: 1 << 30 },
-            cache: None,
-            quiet: true,
-        };
         let mut problems = Problems::default();
-        let loaded = load::paths(paths, &change(options), &mut problems).unwrap();
+        let loaded = load::paths(paths, &change(options(cell)), &mut problems).unwrap();
         assert!(!problems.failed, "{problems:?}");
+        Data::of(paths, loaded)
+    }
+
+    fn of(paths: &[PathBuf], loaded: Loaded) -> Data {
         let Loaded { grid, sections, about, .. } = loaded;
         let About { bounds, outline, summary, color, .. } = about;
         Data {

@@ -1,22 +1,21 @@
 //! Files that change, vanish and come back while they are seen.
 
 use super::SIZE;
-use super::common::LAVAPIPE;
+use super::common::{self, LAVAPIPE};
 use super::live::{self, PLENTY, World, tiles};
 use super::scene::{self, BRIDGED};
-use lasray::attribute::{ColorMode, ColorTable};
+use lasray::attribute::{Channel, ColorMode, ColorTable};
 use lasray::gpu::Gpu;
 use lasray::limits::LIMITS;
 use lasray::load;
 use lasray::problems::Problems;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::frame::{Renderer, View};
-use lasray::render::image::Image;
+use lasray::render::image::{Image, MISS_CLASS};
 use lasray::section::Surface;
-use lasray::source::LidarFile;
-use lasray::source::Selection;
 use lasray::source::learned::Cache;
 use lasray::source::placement::{Placement, PlacementOptions, Treatment};
+use lasray::source::{LidarFile, Reading, Returns, Selection};
 use lasray::view;
 use std::fs;
 use std::path::PathBuf;
@@ -37,6 +36,18 @@ impl Seen {
 
     /// Knowing what is kept there.
     pub fn with(gpu: Gpu, surface: Surface, paths: &[PathBuf], camera: Camera, cache: Option<Cache>) -> Seen {
+        Seen::reading(gpu, surface, paths, camera, cache, (Selection::default(), None))
+    }
+
+    /// Of points that take part, for pictures in a colour.
+    fn reading(
+        gpu: Gpu,
+        surface: Surface,
+        paths: &[PathBuf],
+        camera: Camera,
+        cache: Option<Cache>,
+        (selection, color): (Selection, Option<ColorMode>),
+    ) -> Seen {
         let options = view::data::ReadOptions {
             surface,
             cell: Some(0.25.into()),
@@ -45,8 +56,8 @@ impl Seen {
             host_bytes: 1 << 30,
             device_bytes: 1 << 28,
             visibility: BRIDGED(),
-            selection: Selection::default(),
-            color: None,
+            selection,
+            color,
             cache,
         };
         let inputs = paths.iter().map(|path| path.clone().into_os_string()).collect();
@@ -250,5 +261,67 @@ fn files_that_are_dropped_come_to_those_that_are_there() {
         assert_eq!(scene::pixels_that_differ(&seen.picture(), &picture), 0, "all is back");
         assert_eq!(seen.data.shown_inputs(false).len(), 3);
         assert_eq!(seen.gpu.messages(), [""; 0]);
+    });
+}
+
+/// Selections and channels that change again and again while points arrive: what is seen in the end is what was asked for
+/// last, as if nothing else had been; until then there is something to see.
+#[test]
+fn what_is_read_last_is_what_is_seen() {
+    common::run("changes::what_is_read_last_is_what_is_seen", LAVAPIPE, |setup| {
+        let folder = tempfile::tempdir().unwrap();
+        let paths = tiles(folder.path());
+        let all = super::town().bounds;
+        let camera = Camera::orbit(all.center(), [20.0, 50.0], 500.0, Projection::default()).unwrap();
+        let returns = |returns| Selection { returns, ..Selection::default() };
+        let high = Selection { heights: "230..".parse().unwrap(), ..Selection::default() };
+        let one_line = Selection { source_ids: "1".parse().unwrap(), ..Selection::default() };
+        let hits = |image: &Image| image.class.iter().filter(|class| **class != MISS_CLASS).count();
+        let mut gpu = setup.gpu();
+        for last in [returns(Returns::First), returns(Returns::Last), one_line.clone()] {
+            let mut seen = Seen::open(gpu, Surface::Stacks, &paths, camera);
+            while seen.data.about().is_none() {
+                seen.tick();
+            }
+            let selections = [returns(Returns::Last), high.clone(), Selection::default(), one_line.clone()];
+            for (k, selection) in selections.into_iter().chain([last.clone()]).enumerate() {
+                for _ in 0..3 * k {
+                    seen.tick();
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                let channel = if k % 2 == 0 { Channel::ScanAngle } else { Channel::SourceId };
+                seen.data.set_reading(Reading { selection, channel });
+                assert!(seen.data.status().rereading.is_some() && !seen.data.is_complete());
+            }
+            seen.until(|_| true);
+            assert_eq!(seen.data.status().rereading, None);
+            let picture = seen.picture();
+            let asked = (last.clone(), Some(ColorMode::ScanAngle));
+            let mut fresh = Seen::reading(seen.gpu.clone(), Surface::Stacks, &paths, camera, None, asked);
+            fresh.until(|_| true);
+            assert_eq!(scene::pixels_that_differ(&picture, &fresh.picture()), 0, "{}", last.words());
+            let counts = [&seen, &fresh].map(|seen| seen.data.status().kinds);
+            assert!(counts[0].is_exact && counts[0] == counts[1], "{}: {counts:?}", last.words());
+
+            // All of it again: the old versions stay until the new ones are there, and every chunk is read once.
+            let before = seen.data.status();
+            let everything = Reading { channel: Channel::ScanAngle, ..Reading::default() };
+            seen.data.set_reading(everything);
+            while !seen.data.is_complete() {
+                assert!(hits(&seen.picture()) > hits(&picture) / 2);
+                seen.tick();
+            }
+            let after = seen.data.status();
+            let of_files: u64 = paths.iter().map(|path| fs::metadata(path).unwrap().len()).sum();
+            assert!(after.bytes_read - before.bytes_read <= of_files, "{before:?} {after:?}");
+            assert!(hits(&seen.picture()) >= hits(&picture));
+            let points = |status: &view::data::DataStatus| status.kinds.of.values().sum::<u64>();
+            assert!(after.kinds.is_exact && points(&after) > points(&before), "{}", last.words());
+            // What is highest in its cell is a first return.
+            let is_first = last.returns == Returns::First;
+            assert!(is_first || scene::pixels_that_differ(&seen.picture(), &picture) > 0, "{}", last.words());
+            gpu = seen.gpu.clone();
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
     });
 }

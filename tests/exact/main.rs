@@ -6,6 +6,7 @@ mod masks;
 mod scaled;
 #[path = "../common/scene.rs"]
 mod scene;
+mod selections;
 mod shifted;
 mod smooth;
 mod stacks;

@@ -58,12 +58,12 @@ fn masks() -> [Mask; 10] {
 }
 
 /// Points of a file, and what else a file of some of them has.
-struct Points {
-    name: &'static str,
+pub struct Points {
+    pub name: &'static str,
     header: las::Header,
-    points: Vec<las::Point>,
+    pub points: Vec<las::Point>,
     /// Of the whole file.
-    cell: f64,
+    pub cell: f64,
 }
 
 /// Class, as the format of the file has it.
@@ -77,7 +77,7 @@ impl Points {
     /// The `most` points of a file that are nearest to the middle of what floats, in a square; some of them are made withheld
     /// or synthetic, and some of another class, where there are none. One is noise, so high that its section counts heights
     /// in wide codes, which those beside it and the same without it do not.
-    fn read(name: &'static str, path: &Path, cell: f64, most: usize) -> Points {
+    pub fn read(name: &'static str, path: &Path, cell: f64, most: usize) -> Points {
         let mut reader = las::Reader::from_path(path).unwrap();
         let header = reader.header().clone();
         let count = header.number_of_points();
@@ -113,12 +113,16 @@ impl Points {
 
     /// A file of those that `is_shown`; how many they are.
     fn write(&self, path: &Path, is_shown: impl Fn(u8, bool) -> bool) -> usize {
+        self.write_those(path, |point| is_shown(class_of(&self.header, point), point.is_withheld))
+    }
+
+    /// The same of those that are `kept`.
+    pub fn write_those(&self, path: &Path, kept: impl Fn(&las::Point) -> bool) -> usize {
         let mut builder = las::Builder::from(self.header.clone());
         builder.point_format.is_compressed = false;
         let mut writer = las::Writer::from_path(path, builder.into_header().unwrap()).unwrap();
-        let shown = |point: &&las::Point| is_shown(class_of(&self.header, point), point.is_withheld);
         let mut written = 0;
-        for point in self.points.iter().filter(shown) {
+        for point in self.points.iter().filter(|point| kept(point)) {
             writer.write_point(point.clone()).unwrap();
             written += 1;
         }
@@ -136,7 +140,7 @@ impl Points {
 }
 
 /// From outside, and up through what hangs highest over the ground: places as they are typed.
-fn cameras(points: &Points, data: &Data) -> [Camera; 2] {
+pub fn cameras(points: &Points, data: &Data) -> [Camera; 2] {
     let (b, center) = (data.bounds, data.bounds.center());
     let (wide, high) = ((b.max - b.min).truncate().max_element(), b.max.z - b.min.z);
     let typed = |v: DVec3| (v * 100.0).round() / 100.0;
@@ -164,7 +168,7 @@ fn cameras(points: &Points, data: &Data) -> [Camera; 2] {
 }
 
 /// Pixels of which anything differs.
-fn differ(a: &Image, b: &Image) -> usize {
+pub fn differ(a: &Image, b: &Image) -> usize {
     let same = |k: usize| {
         a.class[k] == b.class[k]
             && a.face[k] == b.face[k]
@@ -178,7 +182,7 @@ fn differ(a: &Image, b: &Image) -> usize {
 }
 
 /// Pixels that show other things, or the same farther or nearer than rounding tells.
-fn differ_beyond_rounding(a: &Image, b: &Image) -> usize {
+pub fn differ_beyond_rounding(a: &Image, b: &Image) -> usize {
     let same = |k: usize| {
         let (far, other) = (a.distance[k], b.distance[k]);
         let is_as_far = far == other || (far - other).abs() <= 4.0 * f32::EPSILON * far;
