@@ -152,10 +152,10 @@ group! { payload:
     /// What floats, behind the pyramid where anything may: first the place of each derived block's list, words from the start of what
     /// is derived, 0: none.
     FLOAT_LISTS = 0;
-    /// Then the mean height of what is solid and measured in nodes of levels 2 to 5, a code each, a word; 0: nothing is.
+    /// Then the mean height of what is solid and measured in nodes of levels 2 to 4, a code each, a word; 0: nothing is.
     FLOAT_MEANS = 1 << (2 * DERIVED_BLOCKS_LOG2);
     /// Coarsest level of these.
-    MEANS_LEVEL = 5;
+    MEANS_LEVEL = 4;
     /// Then lists, from a cache line on.
     FLOAT_WORDS = (FLOAT_MEANS + codes_of_levels(2, MEANS_LEVEL) + 15) & !15;
     /// Words of a block's list: codes of the highest thing that is solid and of the lowest bottom of what floats, a word, or two where

@@ -123,7 +123,7 @@ void main() {
         }
 
         // A bridged height may lie outside what this section's code can say: it is held to its range.
-        uint code = bridged ? uint(max(height - int(here.z), 1)) : 0u;
+        uint code = bridged ? uint(max(height, int(here.z) + 1)) - here.z : 0u;
         if (!WIDE) code = min(code, MOST_NARROW_CODE);
         uint first = west + (x >> 2u) * block_words(IS_WIDE), inner = in_block(uvec2(column));
         uint list = JOB[job].lists != 0u ? list_of(derived, block_of(uvec2(column)), IS_WIDE) : 0u;

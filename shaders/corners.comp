@@ -102,7 +102,7 @@ void main() {
                 ivec4 four = ivec4(corner(k, k - 1u, south, south - 1u), corner(k, k + 1u, south, south + 1u),
                                    corner(k, k - 1u, north, north - 1u), corner(k, k + 1u, north, north + 1u));
                 // What a neighbour leads to may lie outside what this section's code can say.
-                codes = uvec4(max(four - int(here.z), 1));
+                codes = uvec4(max(four, int(here.z) + 1)) - here.z;
                 if (!WIDE) codes = min(codes, MOST_NARROW_CODE);
                 bound = max(uint(heights[k] - int(here.z)), max(max(codes.x, codes.y), max(codes.z, codes.w)));
             }

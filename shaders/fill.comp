@@ -1,5 +1,6 @@
-// Fills what is left open of the ground beneath what floats and between it, from the means of nodes around: the finest level that has any beside
-// the column, of the four nearest nodes between them (the push of push-pull); then levels 1 and 2 of the pyramid. Not across the
+// Fills what is left open of the ground beneath what floats and between it, from the means of nodes around: of the finest of levels 2
+// to 4 that has any among the 3x3 nodes around the column (the push of push-pull); then levels 1 and 2 of the pyramid. So what has
+// a measured column within 16 columns, of rows and of columns alike, is filled, and what has none within 31 stays open. Not across the
 // section's border.
 // Reads lists, means, the measured bits and level 0; writes holes of level 0 and of what is shown, and levels 1 and 2. One thread a
 // half block of those that the job is for; y is the job.
@@ -40,36 +41,38 @@ bool is_under(ivec2 block) {
     return false;
 }
 
-// Code for a column between the four nearest nodes of a level, and the nearest of these that has one; 0: none has.
-uint between(uvec2 column, uint level, out uvec2 nearest) {
-    vec2 at = (vec2(column) + 0.5) / float(1u << level) - 0.5;
-    ivec2 first = ivec2(floor(at)), last = ivec2((SECTION_SIDE >> level) - 1u);
-    vec2 beyond = at - vec2(first);
-    uvec4 codes;
-    vec4 weights;
-    for (int k = 0; k < 4; k++) {
-        ivec2 node = clamp(first + ivec2(k & 1, k >> 1), ivec2(0), last);
-        codes[k] = pool_load(derived, mean_at(level, uvec2(node), IS_WIDE));
-        vec2 weight = mix(1.0 - beyond, beyond, bvec2((k & 1) != 0, (k >> 1) != 0));
-        weights[k] = codes[k] != 0u ? max(weight.x * weight.y, 1e-4) : 0.0;
-    }
-    nearest = uvec2(0u);
-    float all = dot(weights, vec4(1.0)), best = 0.0, rise = 0.0;
-    if (all == 0.0) return 0u;
-    uint least = 0xFFFFFFFFu;
-    for (int k = 0; k < 4; k++) if (codes[k] != 0u) least = min(least, codes[k]);
-    for (int k = 0; k < 4; k++) {
-        if (codes[k] == 0u) continue;
-        rise += weights[k] / all * float(codes[k] - least);
-        if (weights[k] > best) {
-            best = weights[k];
-            nearest = uvec2(clamp(first + ivec2(k & 1, k >> 1), ivec2(0), last));
+// Code for a column from the 3x3 nodes of a level around it, and that of these which has the largest share; 0: none has any.
+// Of three nodes in a row a square of two nodes' length around the column has its shares, smeared by a node's length:
+// they go over evenly from column to column, and no column farther away than two nodes' length counts. Whole numbers, so that
+// every device comes to the same.
+uint around(uvec2 column, uint level, out uvec2 nearest) {
+    uint size = 1u << level;
+    uvec2 beyond = (column & size - 1u) * 2u + 1u;
+    uvec3 of_x = uvec3(2u * size - beyond.x, 2u * size, beyond.x), of_y = uvec3(2u * size - beyond.y, 2u * size, beyond.y);
+    ivec2 first = ivec2(column >> level) - 1;
+    uint codes[9], shares[9], sum = 0u, best = 0u;
+    for (int k = 0; k < 9; k++) {
+        ivec2 node = first + ivec2(k % 3, k / 3);
+        codes[k] = 0u;
+        if (all(lessThan(uvec2(node), uvec2(SECTION_SIDE >> level)))) codes[k] = pool_load(derived, mean_at(level, uvec2(node), IS_WIDE));
+        shares[k] = codes[k] != 0u ? of_x[k % 3] * of_y[k / 3] : 0u;
+        sum += shares[k];
+        if (shares[k] > best) {
+            best = shares[k];
+            nearest = uvec2(node);
         }
     }
-    return least + uint(rise);
+    if (sum == 0u) return 0u;
+    // The sum of shares is at most 4,096: nothing overflows.
+    uint whole = 0u, left = 0u;
+    for (int k = 0; k < 9; k++) {
+        whole += codes[k] / sum * shares[k];
+        left += codes[k] % sum * shares[k];
+    }
+    return whole + left / sum;
 }
 
-// A measured column of a node.
+// A measured column of a node: the last, half by half, of 4x4 columns row by row.
 uvec2 measured_in(uvec2 node, uint level) {
     for (; level > 2u; level--) {
         uvec2 child = node * 2u;
@@ -107,7 +110,7 @@ void main() {
             uint code = solid_code(derived, column, IS_WIDE);
             if (code != 0u || !(inner_block || list != 0u && floating_top(derived, list, inner, IS_WIDE) != 0u)) continue;
             for (uint level = 2u; level <= MEANS_LEVEL && code == 0u; level++) {
-                code = between(column, level, nearest);
+                code = around(column, level, nearest);
                 if (code == 0u) continue;
                 filled = true;
                 uint shows = shown_of(derived, measured_in(nearest, level), IS_WIDE);

@@ -1,5 +1,5 @@
 // Where what floats is in what is derived of a section, behind the pyramid and only where something may float: the places of the blocks'
-// lists, mean heights of what is solid in the nodes of levels 2 to 5, lists, spans.
+// lists, mean heights of what is solid in the nodes of levels 2 to 4, lists, spans.
 // Needs pool.glsl, section.glsl. Words count from the start of what is derived; `wide`: 1 where codes are wide.
 
 #ifndef FLOATS_GLSL
@@ -24,7 +24,7 @@ uint no_bottom(uint wide) { return wide != 0u ? 0xFFFFFFFFu : MOST_NARROW_CODE; 
 // Place of the list of a derived block; 0: nothing floats there.
 uint list_of(uvec2 place, uint block, uint wide) { return pool_load(place, floats_at(wide) + FLOAT_LISTS + block); }
 
-// Place of the mean of a node of levels 2 to 5.
+// Place of the mean of a node of levels 2 to 4.
 uint mean_at(uint level, uvec2 node, uint wide) {
     return floats_at(wide) + FLOAT_MEANS + upper_level(level) + (node.y << SECTION_LOG2 - level | node.x);
 }

@@ -1,5 +1,5 @@
-// Mean heights of what is solid and measured, in nodes of levels 2 to 5: what fill.comp fills holes from (the pull of push-pull:
-// Gortler et al. 1996, section 3.4.2).
+// Mean heights of what is solid and measured, in nodes of levels 2 to 4: what fill.comp fills holes from (the pull of push-pull:
+// Gortler et al. 1996, section 3.4.2). Of four columns in a row, of four such rows, and of four nodes, each time rounded down.
 // Reads the measured bits, level 0 of the pyramid, lists. One workgroup of 256 threads a section; x is the job.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -11,12 +11,14 @@ layout(local_size_x = PYRAMID_THREADS) in;
 
 shared uint means[1024];
 
-// Sum of what is there of four, each less the first, and how many that is.
+// Mean of those of four that are not 0, rounded down; 0: none is. Four wide codes have a sum of more than 32 bits: whole parts and
+// what is left of each are added by themselves.
 uint mean_of(uvec4 four) {
-    uint least = 0xFFFFFFFFu, sum = 0u, n = 0u;
-    for (int k = 0; k < 4; k++) if (four[k] != 0u) least = min(least, four[k]);
-    for (int k = 0; k < 4; k++) if (four[k] != 0u) { sum += (four[k] - least) >> 2u; n++; }
-    return n == 0u ? 0u : least + sum / n * 4u;
+    uint n = 0u;
+    for (int k = 0; k < 4; k++) n += four[k] != 0u ? 1u : 0u;
+    if (n == 0u) return 0u;
+    uvec4 whole = four / n, left = four - whole * n;
+    return whole.x + whole.y + whole.z + whole.w + (left.x + left.y + left.z + left.w) / n;
 }
 
 void main() {

@@ -323,10 +323,10 @@ mod tests {
         let floats = Floats { spans: 1000, lists: 10 };
         let derived = |wide| Derived { wide };
         let starts = |d: Derived| [d.floats(), d.lists(), d.spans(floats)];
-        assert_eq!(starts(derived(false)), [133_808, 143_344, 143_824]);
-        assert_eq!(derived(false).bytes_with(floats), 4 * (143_824 + 2 * 1000));
-        assert_eq!(starts(derived(true)), [202_080, 211_616, 212_496]);
-        assert_eq!(derived(true).bytes_with(floats), 4 * (212_496 + 3 * 1000));
+        assert_eq!(starts(derived(false)), [133_808, 143_280, 143_760]);
+        assert_eq!(derived(false).bytes_with(floats), 4 * (143_760 + 2 * 1000));
+        assert_eq!(starts(derived(true)), [202_080, 211_552, 212_432]);
+        assert_eq!(derived(true).bytes_with(floats), 4 * (212_432 + 3 * 1000));
         for wide in [false, true] {
             assert_eq!(derived(wide).bytes_with(Floats::default()), derived(wide).bytes());
             assert_eq!(derived(wide).lists() % 16, 0);

@@ -113,23 +113,28 @@ fn tops(key: SectionKey, packed: &Payload, shown: &Visibility, column_data: Colu
     });
 }
 
-/// Height and source of a hole.
-fn bridge(tops: &Tops, at: IVec2, reach: i32) -> Option<(i32, IVec2)> {
-    let steep = GRID.cell_steps(0) as i32;
+/// Height and source of a hole, of the heights of measured columns.
+pub(crate) fn bridge(
+    measured: impl Fn(IVec2) -> Option<i32>,
+    at: IVec2,
+    reach: i32,
+    level: u8,
+) -> Option<(i32, IVec2)> {
+    let steep = GRID.cell_steps(level) as i64;
     let nearest =
-        |step: IVec2| (1..=4).find_map(|s| tops.get(&(at + step * s).into()).map(|(_, height)| (s, *height)));
-    let mut best: Option<([i32; 2], (i32, IVec2))> = None;
+        |step: IVec2| (1..=4).find_map(|s| measured(at + step * s).map(|height| (s, i64::from(height))));
+    let mut best: Option<([i64; 2], (i32, IVec2))> = None;
     for axis in [ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1)] {
         let (Some((back, low)), Some((on, high))) = (nearest(-axis), nearest(axis)) else { continue };
-        let (span, drop) = (back + on, (low - high).abs());
+        let (span, drop) = (i64::from(back + on), (low - high).abs());
         let gap = if axis.x * axis.y == 0 { span - 1 } else { span * 3 / 2 - 1 };
-        if gap > reach || best.is_some_and(|(rank, _)| rank <= [span, drop]) {
+        if gap > reach.into() || best.is_some_and(|(rank, _)| rank <= [span, drop]) {
             continue;
         }
         let even = drop <= steep * span;
-        let height = if even { low + (high - low) * back / span } else { low.min(high) };
+        let height = if even { low + (high - low) * i64::from(back) / span } else { low.min(high) };
         let back_wins = if even { back < on || back == on && low <= high } else { low <= high };
-        best = Some(([span, drop], (height, if back_wins { -axis * back } else { axis * on })));
+        best = Some(([span, drop], (height as i32, if back_wins { -axis * back } else { axis * on })));
     }
     best.map(|(_, found)| found)
 }
@@ -153,13 +158,15 @@ fn check(scene: &mut Scene, sections: &[(SectionKey, Payload)], shown: Visibilit
             let what = format!("{shown:?}, {key:?}, column {x}, {y}");
             let bits = words[(block(x & !7, y) + derived.measured()) as usize] >> (y % 4 * 8 + x % 8);
             assert_eq!(bits & 1 != 0, top.is_some(), "measured: {what}");
-            let bridge = if top.is_none() { bridge(&all, at, shown.bridge as i32) } else { None };
+            let height_at = |at: IVec2| all.get(&at.into()).map(|(_, height)| *height);
+            let bridge = if top.is_none() { bridge(height_at, at, shown.bridge as i32, 0) } else { None };
             let source = top.or_else(|| bridge.map(|(_, s)| &all[&(at + s).into()]));
             let shows = words[(block(x, y) + derived.shown() + y % 4 * 4 + x % 4) as usize];
             assert_eq!(shows, source.map_or(0, |t| t.0), "shown: {what}");
             bridged += usize::from(bridge.is_some());
-            let most = if layout.code.wide { i32::MAX } else { 0xFFFF };
-            let encode = |height: i32| (height - layout.code.base).clamp(1, most) as u32;
+            let most = if layout.code.wide { u32::MAX } else { 0xFFFF };
+            let above_base = |height: i32| i64::from(height) - i64::from(layout.code.base);
+            let encode = |height: i32| above_base(height).clamp(1, most.into()) as u32;
             level[(y * SECTION_SIDE + x) as usize] =
                 top.map(|t| t.1).or(bridge.map(|b| b.0)).map_or(0, encode);
         }
@@ -240,6 +247,56 @@ fn derived_parts_are_as_specified() {
                 check(&mut scene, &sections, shown, ColumnData::Colors);
                 scene.set_column_data(ColumnData::Values).unwrap();
                 check(&mut scene, &sections, shown, ColumnData::Values);
+            }
+        }
+        assert_eq!(gpu.messages(), [""; 0]);
+    });
+}
+
+/// Codes, and bridges to where a neighbour is, 2³¹ steps and more above the lowest point of a section.
+#[test]
+fn codes_span_all_heights() {
+    common::run("derived::codes_span_all_heights", LAVAPIPE, |setup| {
+        let gpu = setup.gpu();
+        let (low, high) = (-1_200_000_000, 1_200_000_000);
+        let holed = |surface: Surface, height: i32, lowest: i32| {
+            let mut columns = Columns::new(surface, GRID.stacking(0));
+            for (x, y) in (0..SECTION_SIDE).flat_map(|y| (0..SECTION_SIDE).map(move |x| (x, y))) {
+                // Holes everywhere, and one in the corner that neighbours alone bridge.
+                if (x * 7 + y * 5) % 3 == 0 || x.max(y) == 255 && x.min(y) > 249 {
+                    continue;
+                }
+                let height = Height(if (x, y) == (41, 40) { lowest } else { height + (x % 9) as i32 });
+                let (rgb, returns) = ([x as u8, y as u8, 3], 0x11);
+                let attributes = Attributes { height, class: 2, intensity: 9, rgb, returns, flags: 0 };
+                columns.add(x, y, Record::pack(attributes));
+            }
+            columns.pack()
+        };
+        let shown = Visibility { classes: ClassMask::all(), withheld: true, bridge: 4, near_ties: false };
+        for surface in [Surface::Columns, Surface::Smooth] {
+            // Of narrow codes, with two neighbours that lie high above and reach as low.
+            let sections: Vec<_> = [([0, 0], low), ([1, 0], high), ([0, 1], high)]
+                .map(|([i, j], height)| (SectionKey { level: 0, i, j }, holed(surface, height, low)))
+                .into();
+            let mut scene = Scene::new(&gpu, |o: Order| o, Access::Address, 100 << 20, shown, GRID).unwrap();
+            for (key, packed) in &sections {
+                assert!(scene.upload(*key, packed).unwrap());
+            }
+            scene.settle().unwrap();
+            assert_eq!([0, 1, 2].map(|k: usize| sections[k].1.layout.code.wide), [false, true, true]);
+            if surface == Surface::Columns {
+                check(&mut scene, &sections, shown, ColumnData::Colors);
+            } else {
+                // Nothing else is near the plateau: all corners of a column lie within its steps.
+                let ReadBack { layout, derived: words, .. } =
+                    scene.read_back(sections[1].0).unwrap().expect("live");
+                let corners = layout.corners().expect("smooth") as usize;
+                let lowest = (i64::from(high) - i64::from(layout.code.base)) as u32;
+                assert!(lowest > 1 << 31);
+                let of_plateau = words[corners..].iter().filter(|code| (lowest..lowest + 9).contains(code));
+                let (found, all) = (of_plateau.count(), words[corners..].len());
+                assert!(found > all - 100, "{found} of {all} corners are as high as the plateau");
             }
         }
         assert_eq!(gpu.messages(), [""; 0]);

@@ -9,6 +9,7 @@ mod counts;
 mod cut;
 mod derived;
 mod faults;
+mod filled;
 mod known;
 #[path = "../common/lax.rs"]
 mod lax_writer;
