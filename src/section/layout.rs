@@ -332,7 +332,7 @@ mod tests {
             assert_eq!(derived(wide).lists() % 16, 0);
         }
         // Of smooth surfaces what spans are joined with, as much again as these, and corners.
-        for (wide, joins, corners) in [(false, 2000, 147_824), (true, 3000, 218_496)] {
+        for (wide, joins, corners) in [(false, 2000, 147_760), (true, 3000, 218_432)] {
             let layout = Layout::new(1, 0, HeightCode { base: 0, wide }, Some(floats));
             assert_eq!((layout.joins(), layout.corners()), (None, None));
             let smooth = Layout { smooth: true, ..layout };

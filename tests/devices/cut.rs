@@ -28,11 +28,11 @@ enum Map {
 }
 
 impl Map {
-    fn build(points: &[Point], lattice: [f64; 2], surface: Surface) -> Map {
+    fn build(points: &[Point], lattice: [f64; 2], surface: Surface, level: u8) -> Map {
         let (points, mask) = (points.iter().copied(), ClassMask::default());
         match surface {
             Surface::Columns => Map::Columns(ColumnMap::build(points, lattice, &mask, false)),
-            _ => Map::Stacks(StackMap::build(points, lattice, spacing(lattice), &mask, false)),
+            _ => Map::Stacks(StackMap::build(points, lattice, spacing(lattice, level), &mask, false)),
         }
     }
 
@@ -51,11 +51,16 @@ impl Map {
     }
 }
 
-/// A span reaches a cell below its points, which are at most two cells apart, rounded up to a power of two of steps.
-fn spacing([cell, height_step]: [f64; 2]) -> Spacing {
+/// A span reaches a cell below its points, which are at most two cells apart, rounded up to a power of two of steps. Two finest columns
+/// around tell what floats, so many as those are on coarser levels.
+fn spacing([cell, height_step]: [f64; 2], level: u8) -> Spacing {
     let cell_steps = cell / height_step;
     let gap = (0..62).map(|log2| 1i64 << log2).find(|&gap| gap as f64 >= 2.0 * cell_steps);
-    Spacing { thickness: cell_steps.ceil().max(1.0) as i64, gap: gap.expect("cells of few steps") }
+    Spacing {
+        thickness: cell_steps.ceil().max(1.0) as i64,
+        gap: gap.expect("cells of few steps"),
+        around: [2, 1].get(usize::from(level)).copied().unwrap_or(0),
+    }
 }
 
 /// Columns or stacks of every level, each from all points.
@@ -74,7 +79,7 @@ impl Levels {
 
     fn level(&mut self, level: u8) -> &Map {
         let lattice = [self.cell * f64::from(level).exp2(), self.height_step];
-        let build = || Map::build(&self.points, lattice, self.surface);
+        let build = || Map::build(&self.points, lattice, self.surface, level);
         self.of_level.entry(level).or_insert_with(build)
     }
 

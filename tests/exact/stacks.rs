@@ -28,7 +28,7 @@ pub fn loaded(path: &Path, cell: Option<f64>, surface: Surface) -> Data {
 pub fn spacing(grid: &Grid) -> Spacing {
     let cell_steps = grid.cell() / grid.height_step;
     let gap = (0..62).map(|log2| 1i64 << log2).find(|&gap| gap as f64 >= 2.0 * cell_steps);
-    Spacing { thickness: cell_steps.ceil().max(1.0) as i64, gap: gap.expect("cells of few steps") }
+    Spacing { thickness: cell_steps.ceil().max(1.0) as i64, gap: gap.expect("cells of few steps"), around: 2 }
 }
 
 const SIZE: [u32; 2] = [160, 90];

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 /// Cells of 1: a thickness of 1, a gap of 2, jumps of more than 2.5.
 fn map(points: &[Point]) -> SmoothMap {
-    let spacing = Spacing { thickness: 1024, gap: 2048 };
+    let spacing = Spacing { thickness: 1024, gap: 2048, around: 2 };
     let stacks = StackMap::build(points.iter().copied(), [1.0, STEP], spacing, &ClassMask::default(), false);
     SmoothMap::new(stacks, 2560, 2048)
 }

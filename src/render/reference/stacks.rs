@@ -15,11 +15,6 @@ use std::collections::{BTreeMap, HashMap};
 
 /// Class flags that, with the class, tell which points may be of one span: synthetic, key-point, withheld, overlap.
 const KEY_FLAGS: u8 = 15;
-/// Columns each way, all around, that tell whether an unclassified span floats.
-const AROUND: i64 = 2;
-/// So many of them must hold a point that is lower by more than a gap.
-const LEAST_LOWER: usize = 3;
-
 /// What spans go by, steps of the heights' lattice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Spacing {
@@ -27,6 +22,9 @@ pub struct Spacing {
     pub thickness: i64,
     /// Points of a span are at most so far apart.
     pub gap: i64,
+    /// Columns each way, all around, that tell whether an unclassified span floats: more of them than this must hold a point that is
+    /// lower by more than a gap. 2 on the finest level, 1 on the next, 0 above.
+    pub around: i64,
 }
 
 /// A span that floats.
@@ -114,14 +112,19 @@ impl Spans {
 }
 
 /// Whether columns around that are of its section hold points below an unclassified span of `cell`, and below a gap.
-fn is_over_lower(columns: &HashMap<[i64; 2], Spans>, cell: [i64; 2], span: &Span, gap: i64) -> bool {
+fn is_over_lower(
+    columns: &HashMap<[i64; 2], Spans>,
+    cell: [i64; 2],
+    span: &Span,
+    Spacing { gap, around: reach, .. }: Spacing,
+) -> bool {
     let section = |cell: [i64; 2]| cell.map(|index| index.div_euclid(SECTION_SIDE.into()));
-    let around = (-AROUND..=AROUND).flat_map(|j| (-AROUND..=AROUND).map(move |i| [cell[0] + i, cell[1] + j]));
+    let around = (-reach..=reach).flat_map(|j| (-reach..=reach).map(move |i| [cell[0] + i, cell[1] + j]));
     let lower = around.filter(|&near| section(near) == section(cell)).filter(|near| {
         let lowest = columns.get(near).and_then(|column| column.lowest);
         lowest.is_some_and(|height| height < span.lowest - gap)
     });
-    lower.count() >= LEAST_LOWER
+    lower.count() as i64 > reach
 }
 
 impl StackMap {
@@ -143,7 +146,7 @@ impl StackMap {
             let floats = |span: &Span| match standing(span.top.class) {
                 Standing::Solid => false,
                 Standing::Floats => true,
-                Standing::Unclear => is_over_lower(&columns, cell, span, spacing.gap),
+                Standing::Unclear => is_over_lower(&columns, cell, span, spacing),
             };
             let (floating, solid): (Vec<Span>, Vec<Span>) =
                 column.spans.iter().partition(|&span| floats(span));

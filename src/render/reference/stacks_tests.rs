@@ -10,7 +10,7 @@ use rand::{RngExt, SeedableRng, rngs::StdRng};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Cells of 1: a thickness of 1, a gap of 2.
-const SPACING: Spacing = Spacing { thickness: 1024, gap: 2048 };
+const SPACING: Spacing = Spacing { thickness: 1024, gap: 2048, around: 2 };
 
 fn map(points: &[Point]) -> StackMap {
     shown(points, &ClassMask::default())
@@ -293,7 +293,8 @@ proptest! {
         let place = |v: [f64; 3]| (if round { v.map(f64::round) } else { v }).map(|v| v * cell);
         let (eye, target) = (place(eye), place(target));
         prop_assume!(eye != target);
-        let spacing = Spacing { thickness: (cell / STEP).ceil() as i64, gap: if cell == 1.0 { 2048 } else { 1024 } };
+        let gap = if cell == 1.0 { 2048 } else { 1024 };
+        let spacing = Spacing { thickness: (cell / STEP).ceil() as i64, gap, around: 2 };
         let map = StackMap::build(scene(seed, cell), [cell, STEP], spacing, &ClassMask::all(), true);
         let ray = ray(eye, target);
         check_against_samples(map.trace(&ray, 0.0, 0.0), cell, &ray, |cell, [low, high]| {
