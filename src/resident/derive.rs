@@ -29,7 +29,7 @@ const GROUP_THREADS: u32 = DERIVE_THREADS;
 const HALF_BLOCK: [u32; 2] = [HALF_BLOCK_EAST, HALF_BLOCK_NORTH];
 /// Half blocks of a section: east, north.
 const HALF_BLOCKS: [u32; 2] = [SECTION_SIDE / HALF_BLOCK[0], SECTION_SIDE / HALF_BLOCK[1]];
-// A neighbour's border reaches into no more than a row of half blocks.
+// Bridges lead no farther into a section than a row of half blocks.
 const _: () = assert!(LONGEST_BRIDGE <= HALF_BLOCK[0] && LONGEST_BRIDGE <= HALF_BLOCK[1]);
 
 /// What passes read and write.

@@ -1,5 +1,6 @@
 //! Two fields of interleaved records that the `laz` crate (0.13) decodes wrongly.
 
+use super::sequences::Sequences;
 use laz::{
     decoders::ArithmeticDecoder,
     decompressors::{IntegerDecompressor, IntegerDecompressorBuilder},
@@ -8,122 +9,12 @@ use laz::{
 };
 use std::io::{self, Read};
 
-/// Largest multiple of the last difference, and smallest.
-const MULTI: i32 = 500;
-const MULTI_MINUS: i32 = -10;
-/// Symbols beyond the multiples: no change; a time in full; switches to another sequence.
-const UNCHANGED: i32 = MULTI - MULTI_MINUS + 1;
-const FULL: i32 = UNCHANGED + 1;
-const SYMBOLS: u32 = FULL as u32 + 4;
-
-/// Most switches in a record: an encoder looks for the fitting sequence first and needs one.
-const MAX_SWITCHES: usize = 4;
-
-/// One of the four interleaved time lines.
-#[derive(Clone, Copy, Default)]
-struct Sequence {
-    /// The last time, as the bits of an f64.
-    time: i64,
-    diff: i32,
-    /// Differences in a row that are far from `diff`.
-    extremes: u32,
-}
-
-impl Sequence {
-    /// Takes `diff` over after four extreme ones in a row.
-    fn count_extreme(&mut self, diff: i32) {
-        self.extremes += 1;
-        if self.extremes > 3 {
-            (self.diff, self.extremes) = (diff, 0);
-        }
-    }
-}
-
 /// GPS time, version 2 (LASzip, `LASreadItemCompressed_GPSTIME11_v2`; Isenburg 2013).
-///
-/// `laz` follows switches between sequences by recursion: 200 bytes of such switches overflow its stack,
-/// which takes the process down.
-pub(super) struct GpsTime {
-    multi: ArithmeticModel,
-    zero_diff: ArithmeticModel,
-    ints: IntegerDecompressor,
-    sequences: [Sequence; 4],
-    last: usize,
-    next: usize,
-}
+pub(super) struct GpsTime(Sequences);
 
 impl Default for GpsTime {
     fn default() -> GpsTime {
-        GpsTime {
-            multi: ArithmeticModelBuilder::new(SYMBOLS).build(),
-            zero_diff: ArithmeticModelBuilder::new(6).build(),
-            ints: IntegerDecompressorBuilder::new().bits(32).contexts(9).build_initialized(),
-            sequences: [Sequence::default(); 4],
-            last: 0,
-            next: 0,
-        }
-    }
-}
-
-impl GpsTime {
-    /// Decodes one symbol and what belongs to it; `false` if it was a switch and the time is still to come.
-    #[inline]
-    fn step<R: Read>(&mut self, decoder: &mut ArithmeticDecoder<R>) -> io::Result<bool> {
-        let sequence = &mut self.sequences[self.last];
-        if sequence.diff == 0 {
-            match decoder.decode_symbol(&mut self.zero_diff)? {
-                0 => {}
-                1 => {
-                    let diff = self.ints.decompress(decoder, 0, 0)?;
-                    let time = sequence.time.wrapping_add(diff.into());
-                    *sequence = Sequence { time, diff, extremes: 0 };
-                }
-                2 => self.start_sequence(decoder)?,
-                switch => {
-                    self.last = (self.last + switch as usize - 2) & 3;
-                    return Ok(false);
-                }
-            }
-            return Ok(true);
-        }
-        let multi = decoder.decode_symbol(&mut self.multi)? as i32;
-        if multi == UNCHANGED {
-            return Ok(true);
-        }
-        if multi == FULL {
-            return self.start_sequence(decoder).map(|()| true);
-        }
-        if multi > FULL {
-            self.last = (self.last + (multi - FULL) as usize) & 3;
-            return Ok(false);
-        }
-        let (factor, context) = match multi {
-            0 => (0, 7),
-            1 => (1, 1),
-            2..10 => (multi, 2),
-            10..MULTI => (multi, 3),
-            MULTI => (multi, 4),
-            _ if MULTI - multi > MULTI_MINUS => (MULTI - multi, 5),
-            _ => (MULTI_MINUS, 6),
-        };
-        let diff = self.ints.decompress(decoder, sequence.diff.wrapping_mul(factor), context)?;
-        sequence.time = sequence.time.wrapping_add(diff.into());
-        match context {
-            1 => sequence.extremes = 0,
-            4 | 6 | 7 => sequence.count_extreme(diff),
-            _ => {}
-        }
-        Ok(true)
-    }
-
-    /// A time in full begins a sequence.
-    fn start_sequence<R: Read>(&mut self, decoder: &mut ArithmeticDecoder<R>) -> io::Result<()> {
-        let high = self.ints.decompress(decoder, (self.sequences[self.last].time >> 32) as i32, 8)?;
-        let time = i64::from(high) << 32 | i64::from(decoder.read_int()?);
-        self.next = (self.next + 1) & 3;
-        self.last = self.next;
-        self.sequences[self.last] = Sequence { time, ..Sequence::default() };
-        Ok(())
+        GpsTime(Sequences::new(0, true))
     }
 }
 
@@ -135,19 +26,14 @@ impl<R: Read> FieldDecompressor<R> for GpsTime {
     fn decompress_first(&mut self, src: &mut R, first: &mut [u8]) -> io::Result<()> {
         let mut raw = [0; 8];
         src.read_exact(&mut raw)?;
-        self.sequences[0].time = i64::from_le_bytes(raw);
+        self.0 = Sequences::new(i64::from_le_bytes(raw), true);
         first.copy_from_slice(&raw);
         Ok(())
     }
 
     fn decompress_with(&mut self, decoder: &mut ArithmeticDecoder<R>, out: &mut [u8]) -> io::Result<()> {
-        for _ in 0..=MAX_SWITCHES {
-            if self.step(decoder)? {
-                out.copy_from_slice(&self.sequences[self.last].time.to_le_bytes());
-                return Ok(());
-            }
-        }
-        Err(io::Error::new(io::ErrorKind::InvalidData, "GPS time switches between its sequences without end"))
+        out.copy_from_slice(&self.0.decode(decoder)?.to_le_bytes());
+        Ok(())
     }
 }
 

@@ -30,6 +30,7 @@ mod points;
 mod reading;
 pub mod reproject;
 mod selection;
+mod sequences;
 mod stream;
 pub mod system;
 mod times;

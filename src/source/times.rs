@@ -4,22 +4,13 @@
 //! which takes the process down. So it is given no layer of times, and they are decoded here, beside it: the first layer
 //! (channel, returns, X, Y) says which records have another time than the one before of their scanner channel.
 
-use super::stream::ByteStream;
+use super::{sequences::Sequences, stream::ByteStream};
 use laz::{
     decoders::ArithmeticDecoder,
     decompressors::{IntegerDecompressor, IntegerDecompressorBuilder},
     models::{ArithmeticModel, ArithmeticModelBuilder},
 };
 use std::io;
-
-/// Largest multiple of the last difference, and smallest.
-const MULTI: i32 = 500;
-const MULTI_MINUS: i32 = -10;
-/// Symbol of a time in full; those behind are switches to another sequence.
-const FULL: i32 = MULTI - MULTI_MINUS + 1;
-const SYMBOLS: u32 = FULL as u32 + 4;
-/// Most switches in a record: an encoder looks for the fitting sequence first and needs one.
-const MAX_SWITCHES: usize = 4;
 
 /// Context of X and Y, by the number of returns and the number of the return.
 const RETURNS: [[u8; 16]; 16] = [
@@ -94,104 +85,6 @@ impl Median {
     }
 }
 
-/// One of the four interleaved time lines.
-#[derive(Clone, Copy, Default)]
-struct Sequence {
-    /// The last time, as the bits of an f64.
-    time: i64,
-    diff: i32,
-    /// Differences in a row that are far from `diff`.
-    extremes: u32,
-}
-
-/// The times of a scanner channel.
-struct Sequences {
-    multi: ArithmeticModel,
-    zero_diff: ArithmeticModel,
-    ints: IntegerDecompressor,
-    of: [Sequence; 4],
-    last: usize,
-    next: usize,
-}
-
-impl Sequences {
-    fn new(time: i64) -> Sequences {
-        let mut of = [Sequence::default(); 4];
-        of[0].time = time;
-        Sequences { multi: model(SYMBOLS), zero_diff: model(5), ints: integers(9), of, last: 0, next: 0 }
-    }
-
-    /// The time of a record that has another than the one before.
-    fn decode(&mut self, from: &mut ArithmeticDecoder<ByteStream>) -> io::Result<i64> {
-        for _ in 0..=MAX_SWITCHES {
-            if self.step(from)? {
-                return Ok(self.of[self.last].time);
-            }
-        }
-        Err(io::Error::new(io::ErrorKind::InvalidData, "GPS time switches between its sequences without end"))
-    }
-
-    /// Decodes one symbol and what belongs to it; `false` if it was a switch and the time is still to come.
-    fn step(&mut self, from: &mut ArithmeticDecoder<ByteStream>) -> io::Result<bool> {
-        let sequence = &mut self.of[self.last];
-        if sequence.diff == 0 {
-            match from.decode_symbol(&mut self.zero_diff)? {
-                0 => {
-                    let diff = self.ints.decompress(from, 0, 0)?;
-                    let time = sequence.time.wrapping_add(diff.into());
-                    *sequence = Sequence { time, diff, extremes: 0 };
-                }
-                1 => self.start(from)?,
-                switch => {
-                    self.last = (self.last + switch as usize - 1) & 3;
-                    return Ok(false);
-                }
-            }
-            return Ok(true);
-        }
-        let multi = from.decode_symbol(&mut self.multi)? as i32;
-        if multi == FULL {
-            return self.start(from).map(|()| true);
-        }
-        if multi > FULL {
-            self.last = (self.last + (multi - FULL) as usize) & 3;
-            return Ok(false);
-        }
-        let (factor, context) = match multi {
-            0 => (0, 7),
-            1 => (1, 1),
-            2..10 => (multi, 2),
-            10..MULTI => (multi, 3),
-            MULTI => (multi, 4),
-            _ if MULTI - multi > MULTI_MINUS => (MULTI - multi, 5),
-            _ => (MULTI_MINUS, 6),
-        };
-        let diff = self.ints.decompress(from, sequence.diff.wrapping_mul(factor), context)?;
-        sequence.time = sequence.time.wrapping_add(diff.into());
-        match context {
-            1 => sequence.extremes = 0,
-            4 | 6 | 7 => {
-                sequence.extremes += 1;
-                if sequence.extremes > 3 {
-                    (sequence.diff, sequence.extremes) = (diff, 0);
-                }
-            }
-            _ => {}
-        }
-        Ok(true)
-    }
-
-    /// A time in full begins a sequence.
-    fn start(&mut self, from: &mut ArithmeticDecoder<ByteStream>) -> io::Result<()> {
-        let high = self.ints.decompress(from, (self.of[self.last].time >> 32) as i32, 8)?;
-        let time = i64::from(high) << 32 | i64::from(from.read_int()?);
-        self.next = (self.next + 1) & 3;
-        self.last = self.next;
-        self.of[self.last] = Sequence { time, ..Sequence::default() };
-        Ok(())
-    }
-}
-
 /// What is known of a scanner channel: its last record, and how its next is coded.
 struct Channel {
     /// Number of the return, and of returns.
@@ -226,7 +119,7 @@ impl Channel {
             dx: integers(2),
             dy: integers(22),
             medians: [[Median { values: [0; 5], high: true }; 12]; 2],
-            times: Sequences::new(time),
+            times: Sequences::new(time, false),
         }
     }
 }
