@@ -145,39 +145,55 @@ group! { payload:
     SHOWN = 16;
     /// Words of what the columns of a block show, one each: a block ends with them.
     SHOWN_WORDS = LEVEL_1;
+    /// How what is derived of a section lies, bits: codes are wide.
+    FORM_WIDE = 1;
+    /// Something may float: blocks have a word for each node of levels 0 to 2, whatever the width of codes, which says what floats, too.
+    FORM_FLOATS = 2;
+    /// Narrow codes in such words leave bits from here on for how far the highest thing that is solid lies below the node's code, at least;
+    STACK_SOLID_SHIFT = 16;
+    /// and from here on for how far the lowest bottom of what floats does, at most. 0: nothing floats.
+    STACK_BOTTOM_SHIFT = 24;
+    /// Highest of either, in steps of the level's (see `coords::Stacking::word_step_log2`): so far or farther.
+    STACK_MOST_BELOW = 0xFF;
+    /// In a block where something may float, behind level 0: first word of level 1.
+    STACK_LEVEL_1 = LEVEL_1;
+    /// The word of level 2.
+    STACK_LEVEL_2 = STACK_LEVEL_1 + LEVEL_1 / 4;
+    /// Which columns are measured, as `MEASURED`.
+    STACK_MEASURED = STACK_LEVEL_2 + 1;
+    /// Place of the block's list, words from the start of what is derived; 0: nothing floats there, whatever is shown.
+    STACK_LIST = STACK_MEASURED + 1;
+    /// Where its spans start, likewise.
+    STACK_SPANS = STACK_LIST + 1;
+    /// First word of what its columns show.
+    STACK_SHOWN = STACK_SPANS + 1;
     /// Highest narrow code.
     MOST_NARROW_CODE = 0xFFFF;
     /// Codes of the pyramid's levels 2 to 8, which lie behind the blocks, and one to make them even.
     UPPER_CODES = (codes_of_levels(2, SECTION_LOG2) + 1) & !1;
-    /// What floats, behind the pyramid where anything may: first the place of each derived block's list, words from the start of what
-    /// is derived, 0: none.
-    FLOAT_LISTS = 0;
-    /// Then the mean height of what is solid and measured in nodes of levels 2 to 4, a code each, a word; 0: nothing is.
-    FLOAT_MEANS = 1 << (2 * DERIVED_BLOCKS_LOG2);
+    /// What floats, behind the pyramid where anything may: first the mean height of what is solid and measured in nodes of levels 2 to 4, a code each, a word; 0: nothing is.
+    FLOAT_MEANS = 0;
     /// Coarsest level of these.
     MEANS_LEVEL = 4;
     /// Then lists, from a cache line on.
     FLOAT_WORDS = (FLOAT_MEANS + codes_of_levels(2, MEANS_LEVEL) + 15) & !15;
-    /// Words of a block's list: codes of the highest thing that is solid and of the lowest bottom of what floats, a word, or two where
-    /// codes are wide (the highest code: nothing floats), then what follows.
-    LIST_WORDS = 24;
+    /// Words of a block's list.
+    LIST_WORDS = 22;
     /// The same where codes are wide.
-    LIST_WORDS_WIDE = 44;
-    /// Word of a list, behind these two: code of the highest thing that floats; 0: nothing does.
+    LIST_WORDS_WIDE = 38;
+    /// First word of a list: code of the highest thing that floats; 0: nothing does.
     LIST_TOP = 0;
-    /// Where spans start, words from the start of what is derived.
-    LIST_SPANS = 1;
     /// How many each column has, a byte each.
-    LIST_COUNTS = 2;
+    LIST_COUNTS = 1;
     /// How many the first row of columns has; in the bits from `LIST_ROWS_2` on how many the first two have, in those from `LIST_ROWS_3`
     /// on how many the third has.
-    LIST_ROWS = 6;
+    LIST_ROWS = 5;
     /// See [`LIST_ROWS`].
     LIST_ROWS_2 = 10;
     /// See [`LIST_ROWS`].
     LIST_ROWS_3 = 21;
     /// Codes of the columns, `LIST_CODES` words, twice as many where they are wide: of the highest thing that is solid in each.
-    LIST_SOLID = 7;
+    LIST_SOLID = 6;
     /// Words of these. Behind them, as many, those of the lowest point of each, from which is told what floats.
     LIST_CODES = 8;
     /// Words of a span: codes of its top and bottom, a word, or two where they are wide, and what it shows.
@@ -234,11 +250,11 @@ group! { node:
     NODE_PYRAMID = 4;
     /// Lattice height of code 0.
     NODE_BASE = 6;
-    /// 1 where codes are wide.
-    NODE_WIDE = 7;
+    /// How what is derived of its section lies: `FORM_WIDE`, `FORM_FLOATS`.
+    NODE_FORM = 7;
     /// First word of the slots beside it.
     NODE_BESIDE = 8;
-    /// 1 where something of its section may float.
+    /// Where something of its section may float: 1 + log2 of the lattice steps that the words of its blocks count by; 0: nothing does.
     NODE_FLOATS = 12;
     /// First word of its corners in what is derived, where its tops are a smooth surface; 0: they are not.
     NODE_CORNERS = 13;
@@ -429,19 +445,39 @@ pub fn rust() -> String {
     text
 }
 
+/// As [`drawing`], of a block in a section in which something may float.
+fn draw_floating_block(line: &mut impl FnMut([String; 2], &str)) {
+    use payload::*;
+    let both = |word: u32| [word.to_string(), word.to_string()];
+    line([String::new(), String::new()], "");
+    line(["narrow".to_owned(), "wide".to_owned()], "word of a block where anything may float");
+    line(both(0), &format!("level 0 of the pyramid, {LEVEL_1} words"));
+    line(both(STACK_LEVEL_1), &format!("level 1, {} words", LEVEL_1 / 4));
+    line(both(STACK_LEVEL_2), "level 2");
+    line(both(STACK_MEASURED), "which columns of this and the next are measured");
+    line(both(STACK_LIST), "place of its list, 0: nothing floats there");
+    line(both(STACK_SPANS), "where its spans start");
+    line(both(STACK_SHOWN), &format!("what each column shows, {SHOWN_WORDS} words"));
+    line(both(STACK_SHOWN + SHOWN_WORDS), "the next block");
+    line([String::new(), String::new()], "");
+    line(["narrow".to_owned(), "bits".to_owned()], "such a word of levels 0 to 2 (wide: a code)");
+    let bits = |low: u32, n: u32| [String::new(), format!("{}-{low}", low + n - 1)];
+    line(
+        bits(STACK_BOTTOM_SHIFT, 8),
+        "how far the lowest bottom of what floats is below the code, at most; 0: nothing floats",
+    );
+    line(bits(STACK_SOLID_SHIFT, 8), "how far the highest thing that is solid is, at least");
+    line(bits(0, 16), "code of the highest thing");
+}
+
 /// As [`drawing`], of what floats.
 fn draw_floats(line: &mut impl FnMut([String; 2], &str)) {
     use payload::*;
     let both = |narrow: u32, wide: u32| [narrow.to_string(), wide.to_string()];
-    let blocks = 1 << DERIVED_BLOCKS_LOG2;
     line([String::new(), String::new()], "");
     line(
         ["narrow".to_owned(), "wide".to_owned()],
         "word of what floats, from the next cache line on, where anything may",
-    );
-    line(
-        both(FLOAT_LISTS, FLOAT_LISTS),
-        &format!("{blocks} x {blocks} places of lists, 0: nothing floats in the block"),
     );
     line(
         both(FLOAT_MEANS, FLOAT_MEANS),
@@ -450,10 +486,8 @@ fn draw_floats(line: &mut impl FnMut([String; 2], &str)) {
     line(both(FLOAT_WORDS, FLOAT_WORDS), "lists, then spans");
     line([String::new(), String::new()], "");
     line(["narrow".to_owned(), "wide".to_owned()], "word of a list");
-    let after = |word: u32| both(1 + word, 2 + word);
-    line(both(0, 0), "code of the highest thing that is solid, and of the lowest bottom of what floats");
+    let after = |word: u32| both(word, word);
     line(after(LIST_TOP), "code of the highest thing that floats");
-    line(after(LIST_SPANS), "where its spans start");
     line(after(LIST_COUNTS), "how many spans each column has, a byte each");
     line(
         after(LIST_ROWS),
@@ -462,10 +496,7 @@ fn draw_floats(line: &mut impl FnMut([String; 2], &str)) {
         ),
     );
     line(after(LIST_SOLID), "codes of what is solid of each column");
-    line(
-        both(1 + LIST_SOLID + LIST_CODES, 2 + LIST_SOLID + 2 * LIST_CODES),
-        "codes of each column's lowest point",
-    );
+    line(both(LIST_SOLID + LIST_CODES, LIST_SOLID + 2 * LIST_CODES), "codes of each column's lowest point");
     line(both(LIST_WORDS, LIST_WORDS_WIDE), "the next list");
     line([String::new(), String::new()], "");
     line(["narrow".to_owned(), "wide".to_owned()], "word of a span that floats");
@@ -553,6 +584,7 @@ pub fn drawing() -> String {
     line(both(SHOWN, 2 * SHOWN), &format!("what each column shows, {SHOWN_WORDS} words"));
     let (narrow, wide) = (SHOWN + SHOWN_WORDS, 2 * SHOWN + SHOWN_WORDS);
     line(both(narrow, wide), "the next block");
+    draw_floating_block(&mut line);
     line(nothing(), "");
     line(["narrow".to_owned(), "wide".to_owned()], "word of what is derived");
     let blocks = 1 << DERIVED_BLOCKS_LOG2;

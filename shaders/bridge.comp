@@ -16,7 +16,7 @@
 
 layout(local_size_x = DERIVE_THREADS) in;
 
-// The section, and those that the half block may reach into. The last word: 1 for wide codes, 2 where things may float.
+// The section, and those that the half block may reach into. The last word: its form.
 uvec4 here, beside, above, across;
 
 uvec4 section_of(bool x, bool y) { return mix(mix(here, beside, bvec4(x)), mix(above, across, bvec4(x)), bvec4(y)); }
@@ -27,7 +27,7 @@ uint measured(ivec2 half_block) {
     uvec2 at = uvec2(half_block) & uvec2(31u, 63u);
     uint columns = 0u;
     if (section.xy != uvec2(0u))
-        columns = pool_load(section.xy, (at.y << DERIVED_BLOCKS_LOG2 | at.x * 2u) * block_words(section.w & 1u) + measured_in_block(section.w & 1u));
+        columns = pool_load(section.xy, (at.y << DERIVED_BLOCKS_LOG2 | at.x * 2u) * block_words(section.w) + measured_in_block(section.w));
     return columns;
 }
 
@@ -35,9 +35,7 @@ uint measured(ivec2 half_block) {
 int height_at(ivec2 column) {
     uvec4 section = section_of(uint(column.x) > SECTION_SIDE - 1u, uint(column.y) > SECTION_SIDE - 1u);
     uvec2 at = uvec2(column) & (SECTION_SIDE - 1u);
-    uint wide = section.w & 1u;
-    uint code = (section.w & 2u) != 0u ? solid_code(section.xy, at, wide) : pyramid_code(section.xy, 0u, at, wide);
-    return int(section.z) + int(code);
+    return int(section.z) + int(solid_code(section.xy, at, section.w));
 }
 
 // Columns x - 4 to x + 4 of a row, from a byte of three half blocks side by side.
@@ -49,6 +47,7 @@ uint window(uvec3 rows, uint byte, uint x) {
 void main() {
     uint job = gl_WorkGroupID.y, half_block;
     if (!half_block_of(gl_GlobalInvocationID.x, JOB[job].first, JOB[job].area, half_block)) return;
+    begin_form(job);
     uvec2 origin = half_block_origin(half_block);
     ivec2 at = ivec2(origin / HALF_BLOCK), last = ivec2(HALF_BLOCKS - 1u);
     int i = at.x == 0 ? 0 : at.x == last.x ? 2 : 1, j = at.y == 0 ? 0 : at.y == last.y ? 2 : 1;
@@ -59,7 +58,7 @@ void main() {
     int reach = int(DERIVE.bridge);
     uint steep = JOB[job].steepest;
     uvec2 derived = here.xy;
-    uint west = western_block(half_block, IS_WIDE);
+    uint west = western_block(half_block);
 
     uvec3 south = uvec3(measured(at + ivec2(-1, -1)), measured(at + ivec2(0, -1)), measured(at + ivec2(1, -1)));
     uvec3 middle = uvec3(measured(at + ivec2(-1, 0)), measured(at), measured(at + ivec2(1, 0)));
@@ -125,17 +124,16 @@ void main() {
         // A bridged height may lie outside what this section's code can say: it is held to its range.
         uint code = bridged ? uint(max(height, int(here.z) + 1)) - here.z : 0u;
         if (!WIDE) code = min(code, MOST_NARROW_CODE);
-        uint first = west + (x >> 2u) * block_words(IS_WIDE), inner = in_block(uvec2(column));
-        uint list = JOB[job].lists != 0u ? list_of(derived, block_of(uvec2(column)), IS_WIDE) : 0u;
-        store_solid(derived, first, list, inner, code);
+        uint first = west + (x >> 2u) * block_words(form), inner = in_block(uvec2(column));
+        store_solid(derived, block_of(uvec2(column)), first, inner, code);
         uint shows = 0u;
         if (bridged) {
             ivec2 from = column + source;
             uvec4 section = section_of(uint(from.x) > SECTION_SIDE - 1u, uint(from.y) > SECTION_SIDE - 1u);
-            shows = shown_of(section.xy, uvec2(from) & (SECTION_SIDE - 1u), section.w & 1u);
+            shows = shown_of(section.xy, uvec2(from) & (SECTION_SIDE - 1u), section.w);
         }
-        pool_store(derived, first + shown_in_block(IS_WIDE) + inner, shows);
+        pool_store(derived, first + shown_in_block(form) + inner, shows);
     }
 
-    store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u);
+    store_levels_1_and_2(derived, half_block, west);
 }

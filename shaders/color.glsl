@@ -10,7 +10,7 @@ layout(constant_id = ID_RAMPED) const bool RAMPED = true;
 
 // What a column shows (see section.glsl).
 uint shown_at(uint slot, uvec2 column) {
-    return shown_of(node_pyramid(slot), column, node_wide(slot));
+    return shown_of(node_pyramid(slot), column, node_form(slot));
 }
 
 #ifdef STACKED
@@ -19,10 +19,9 @@ uint shown_at(uint slot, uvec2 column) {
 // The same of one of the spans of its block, from 1 on; 0: of its solid part.
 uint shown_at(uint slot, uvec2 column, uint span) {
     uvec2 place = node_pyramid(slot);
-    uint wide = node_wide(slot);
-    if (span == 0u) return shown_of(place, column, wide);
-    uint from = spans_of(place, list_of(place, block_of(column), wide), wide);
-    return pool_load(place, from + span * span_words(wide) - 1u);
+    uint form = node_form(slot);
+    if (span == 0u) return shown_of(place, column, form);
+    return pool_load(place, spans_of(place, block_of(column)) + span * span_words(form) - 1u);
 }
 #endif
 
@@ -50,7 +49,7 @@ vec3 srgb_of(uint shows, uint top) {
 
 // Second word of a finished hit record; `span`: a span was hit, which is measured always.
 uint bits_of(uint shows, uint slot, uvec2 column, uint face, bool span) {
-    bool measured = span || is_measured(node_pyramid(slot), column, node_wide(slot));
+    bool measured = span || is_measured(node_pyramid(slot), column, node_form(slot));
     uint meta = node_meta(slot), detail = meta >> META_DETAIL_SHIFT;
     // What stands in reaches farther than the node that shows it.
     uint stands_in = detail + SECTION_LOG2 > (meta & META_LEVEL_MASK) ? BITS_STANDS_IN : 0u;

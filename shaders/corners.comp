@@ -44,13 +44,13 @@ int corner(uint column, uint east, uint north, uint across) {
 
 // Code that no span of a column leads above.
 uint highest_join(uvec2 derived, uvec2 column, int slice_log2, uint joins, int half_cell) {
-    uint list = list_of(derived, block_of(column), IS_WIDE);
+    uint block = block_of(column), list = list_of(derived, block);
     if (list == 0u) return 0u;
-    uvec2 spans = spans_of_column(derived, list, in_block(column), IS_WIDE);
-    uint from = spans_of(derived, list, IS_WIDE), bound = 0u;
+    uvec2 spans = spans_of_column(derived, list, in_block(column));
+    uint from = spans_of(derived, block), bound = 0u;
     for (uint k = 0u; k < spans.y; k++) {
-        uint at = from + (spans.x + k) * span_words(IS_WIDE);
-        ivec2 ends = ivec2(two_codes(derived, at, IS_WIDE));
+        uint at = from + (spans.x + k) * span_words(form);
+        ivec2 ends = ivec2(two_codes(derived, at, form));
         uvec2 words = joins_at(derived, at + joins);
         int top = ends.x;
         if (is_joined_above(words) || is_upright(words)) {
@@ -72,9 +72,10 @@ uint highest_join(uvec2 derived, uvec2 column, int slice_log2, uint joins, int h
 void main() {
     uint job = gl_WorkGroupID.y, half_block;
     if (!half_block_of(gl_GlobalInvocationID.x, JOB[job].first, JOB[job].area, half_block)) return;
+    begin_form(job);
     uvec4 here = JOB[job].near[4];
     uvec2 derived = here.xy, origin = half_block_origin(half_block);
-    uint corners = JOB[job].corners, west = western_block(half_block, IS_WIDE);
+    uint corners = JOB[job].corners, west = western_block(half_block);
     jump = JOB[job].jump;
 
     for (uint k = 0u; k < EAST * NORTH; k++) {
@@ -83,10 +84,8 @@ void main() {
         ivec2 beyond = column >> int(SECTION_LOG2);
         uvec4 section = JOB[job].near[4 + beyond.x + 3 * beyond.y];
         uint code = 0u;
-        uint wide = section.w & 1u;
         uvec2 at = uvec2(column) & (SECTION_SIDE - 1u);
-        if (section.xy != uvec2(0u))
-            code = (section.w & 2u) != 0u ? solid_code(section.xy, at, wide) : pyramid_code(section.xy, 0u, at, wide);
+        if (section.xy != uvec2(0u)) code = solid_code(section.xy, at, section.w);
         there[k] = code != 0u;
         heights[k] = int(section.z) + int(code);
     }
@@ -120,5 +119,5 @@ void main() {
             bounds[node] = max(bounds[node], bound);
         }
     }
-    store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u, bounds);
+    store_levels_1_and_2(derived, half_block, west, bounds);
 }

@@ -42,15 +42,22 @@ layout(push_constant, scalar) uniform Push { uvec2 jobs; uvec2 derive; } push;
 #endif
 
 layout(constant_id = ID_WIDE) const bool WIDE = false; // codes of the sections take 32 bits
+const uint IS_WIDE = WIDE ? FORM_WIDE : 0u;
 
-// First word of the western of a half block's two blocks.
-uint western_block(uint half_block, uint wide) {
-    uint block = half_block >> 1u;
-    uint row = (block >> 5u) * 2u + (half_block & 1u);
-    return (row << DERIVED_BLOCKS_LOG2 | (block & 31u) * 2u) * block_words(wide);
+// How what is derived of the job's section lies; and log2 steps that the words of its blocks count by.
+uint form, word_step;
+
+void begin_form(uint job) {
+    form = IS_WIDE | (JOB[job].lists != 0u ? FORM_FLOATS : 0u);
+    word_step = max(JOB[job].slice, 1u) - 1u;
 }
 
-const uint IS_WIDE = WIDE ? 1u : 0u;
+// First word of the western of a half block's two blocks.
+uint western_block(uint half_block) {
+    uint block = half_block >> 1u;
+    uint row = (block >> 5u) * 2u + (half_block & 1u);
+    return (row << DERIVED_BLOCKS_LOG2 | (block & 31u) * 2u) * block_words(form);
+}
 
 // Two codes, from an even one on, counted from word `first`.
 uvec2 load_two(uvec2 derived, uint first, uint code) {
@@ -88,72 +95,101 @@ bool half_block_of(uint thread, uint first, uint area, out uint half_block) {
     return thread < size.x * size.y;
 }
 
-// Stores what is solid of a column of a derived block, whose first word is `first`: in its list, if there is one, and then level 0 is
-// as high as what floats there, too.
-void store_solid(uvec2 derived, uint first, uint list, uint inner, uint code) {
-    if (list != 0u) {
-        uint at = codes_at(list, OF_SOLID, IS_WIDE) + (inner >> 1u - IS_WIDE);
-        if (WIDE) pool_store(derived, at, code);
-        else {
-            uint word = pool_load(derived, at);
-            pool_store(derived, at, (inner & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u);
-        }
-        code = max(code, floating_top(derived, list, inner, IS_WIDE));
-    }
-    if (WIDE) pool_store(derived, first + inner, code);
+// The word of a node where something may float: of the highest thing, the highest that is solid, and the lowest bottom of what floats.
+uint word_of(uint top, uint solid, uint bottom) {
+    if (WIDE || bottom == NO_BOTTOM) return top;
+    // That what floats begins at the top is no way to say that nothing does.
+    uint solid_below = min(top - solid >> word_step, STACK_MOST_BELOW);
+    uint bottom_below = clamp(top - bottom + (1u << word_step) - 1u >> word_step, 1u, STACK_MOST_BELOW);
+    return top | solid_below << STACK_SOLID_SHIFT | bottom_below << STACK_BOTTOM_SHIFT;
+}
+
+// No bottom of what floats in a node is lower, as its word says.
+uint bottom_in(uint word) {
+    uint below = below_code(word).y;
+    if (WIDE || below == 0u) return NO_BOTTOM;
+    return below == STACK_MOST_BELOW ? 0u : uint(max(int(word & MOST_NARROW_CODE) - int(below << word_step), 0));
+}
+
+// Four codes of level 0 of a block, whose first word is `first`, from an even one on.
+uvec4 load_tops(uvec2 derived, uint first, uint code) {
+    if (floats_of(form) == 0u) return load_four(derived, first, code);
+    uvec4 four;
+    for (uint k = 0u; k < 4u; k++) four[k] = pool_load(derived, first + code + k) & (WIDE ? 0xFFFFFFFFu : MOST_NARROW_CODE);
+    return four;
+}
+
+// Stores codes of two columns that are solid, from an even one on.
+void store_tops(uvec2 derived, uint first, uint code, uvec2 codes) {
+    if (floats_of(form) == 0u) store_two(derived, first, code, codes);
     else {
-        uint word = pool_load(derived, first + inner / 2u);
-        word = (inner & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u;
-        pool_store(derived, first + inner / 2u, word);
+        pool_store(derived, first + code, codes.x);
+        pool_store(derived, first + code + 1u, codes.y);
     }
 }
 
-// A code of levels 1 and 2 in a section in which things may float: rounded up, its last bit says whether any does in the node.
-uint marked(uint code, bool floats) {
-    if (floats) return code | 1u;
-    return (code & 1u) != 0u && code != (WIDE ? 0xFFFFFFFFu : MOST_NARROW_CODE) ? code + 1u : code;
+// Stores a code, counted from word `first` on, one of two in a word where codes are narrow.
+void store_code(uvec2 derived, uint first, uint at, uint code) {
+    if (WIDE) pool_store(derived, first + at, code);
+    else {
+        uint word = pool_load(derived, first + at / 2u);
+        pool_store(derived, first + at / 2u, (at & 1u) == 0u ? word & 0xFFFF0000u | code : word & 0xFFFFu | code << 16u);
+    }
 }
 
-// Levels 1 and 2 of a half block, from its level 0, whose first word is `west`; where its blocks have lists, these say how high what is
-// solid is. `floats`: something may float in the section.
-// `solids_of`: what is solid is no higher than that in nodes of level 1, row by row, four of the western block's and the eastern's each; level 0 may be
+// Stores what is solid of a column of derived block `block`, whose first word is `first`: where it has a list, in that, and then level 0 is
+// as high as what floats there, too.
+void store_solid(uvec2 derived, uint block, uint first, uint inner, uint code) {
+    if (floats_of(form) == 0u) {
+        store_code(derived, first, inner, code);
+        return;
+    }
+    uint list = list_of(derived, block), word = code;
+    if (list != 0u) {
+        store_code(derived, codes_at(list, OF_SOLID, form), inner, code);
+        uvec2 ends = floating_ends(derived, block, list, inner, form);
+        word = word_of(max(code, ends.x), code, ends.y);
+    }
+    pool_store(derived, first + inner, word);
+}
+
+// Levels 1 and 2 of a half block, from its level 0, whose first word is `west`.
+// `solids_of`: what is solid is as high as that in nodes of level 1, row by row, four of the western block's and the eastern's each; level 0 may be
 // lower.
-void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats, uint solids_of[8]) {
+void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, uint solids_of[8]) {
     uvec2 level_2 = uvec2(0u);
     uvec2 node = half_block_origin(half_block) >> 2u;
+    bool floats = floats_of(form) != 0u;
     for (uint side = 0u; side < 2u; side++) {
-        uint first = west + side * block_words(IS_WIDE), solid = 0u;
-        uint list = floats ? list_of(derived, node.y << DERIVED_BLOCKS_LOG2 | node.x + side, IS_WIDE) : 0u;
-        bool any = false;
+        uint first = west + side * block_words(form), solid = 0u, bottom = NO_BOTTOM;
+        uint list = floats ? pool_load(derived, first + STACK_LIST) : 0u;
         for (uint pair = 0u; pair < 2u; pair++) {
             uint row = pair * 8u;
-            uvec4 columns = max(load_four(derived, first, row), load_four(derived, first, row + 4u));
+            uvec4 columns = max(load_tops(derived, first, row), load_tops(derived, first, row + 4u));
             uint of_pair = pair * 4u + side * 2u;
-            uvec2 no_higher = uvec2(solids_of[of_pair], solids_of[of_pair + 1u]);
-            uvec2 nodes = max(max(columns.xz, columns.yw), no_higher);
-            solid = max(solid, max(no_higher.x, no_higher.y));
+            uvec2 solids = uvec2(solids_of[of_pair], solids_of[of_pair + 1u]), bottoms = uvec2(NO_BOTTOM);
+            uvec2 nodes = max(max(columns.xz, columns.yw), solids);
             level_2[side] = max(level_2[side], max(nodes.x, nodes.y));
-            if (floats) {
-                uint counted = 0u;
-                if (list != 0u) {
-                    uint solids = codes_at(list, OF_SOLID, IS_WIDE), counts = list + 1u + IS_WIDE + LIST_COUNTS + pair * 2u;
-                    counted = pool_load(derived, counts) | pool_load(derived, counts + 1u);
-                    uvec4 codes = max(load_four(derived, solids, row), load_four(derived, solids, row + 4u));
-                    solid = max(solid, max(max(codes.x, codes.y), max(codes.z, codes.w)));
-                }
-                nodes = uvec2(marked(nodes.x, (counted & 0xFFFFu) != 0u), marked(nodes.y, counted >> 16u != 0u));
-                any = any || counted != 0u;
+            if (!floats) {
+                store_two(derived, first, LEVEL_1 + pair * 2u, nodes);
+                continue;
             }
-            store_two(derived, first, LEVEL_1 + pair * 2u, nodes);
+            if (list != 0u) {
+                uint at = codes_at(list, OF_SOLID, form);
+                uvec4 codes = max(load_four(derived, at, row), load_four(derived, at, row + 4u));
+                solids = max(solids, max(codes.xz, codes.yw));
+                for (uint k = 0u; k < 8u; k++) bottoms[k >> 1u & 1u] = min(bottoms[k >> 1u & 1u], bottom_in(pool_load(derived, first + row + k)));
+                solid = max(solid, max(solids.x, solids.y));
+                bottom = min(bottom, min(bottoms.x, bottoms.y));
+            }
+            for (uint k = 0u; k < 2u; k++)
+                pool_store(derived, first + STACK_LEVEL_1 + pair * 2u + k, word_of(nodes[k], solids[k], bottoms[k]));
         }
-        if (floats) level_2[side] = marked(level_2[side], any);
-        if (list == 0u) continue;
-        if (WIDE) pool_store(derived, list, solid);
-        else pool_store(derived, list, pool_load(derived, list) & 0xFFFF0000u | solid);
+        if (floats) pool_store(derived, first + STACK_LEVEL_2, word_of(level_2[side], solid, bottom));
     }
-    store_two(derived, upper_levels(IS_WIDE), upper_level(2u) + (node.y << DERIVED_BLOCKS_LOG2 | node.x), level_2);
+    store_two(derived, upper_levels(form), upper_level(2u) + (node.y << DERIVED_BLOCKS_LOG2 | node.x), level_2);
 }
 
-void store_levels_1_and_2(uvec2 derived, uint half_block, uint west, bool floats) {
-    store_levels_1_and_2(derived, half_block, west, floats, uint[](0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u));
+void store_levels_1_and_2(uvec2 derived, uint half_block, uint west) {
+    store_levels_1_and_2(derived, half_block, west, uint[](0u, 0u, 0u, 0u, 0u, 0u, 0u, 0u));
 }

@@ -14,14 +14,19 @@ layout(local_size_x = DERIVE_THREADS) in;
 
 uvec2 derived;
 
+// Whether anything floats in a derived block.
+bool floats_in(uint block) {
+    uint list = list_of(derived, block);
+    return list != 0u && pool_load(derived, list + LIST_TOP) != 0u;
+}
+
 // Whether anything is measured in a derived block, or floats there; beyond the section's border: yes.
 bool holds_any(ivec2 block) {
     if (any(notEqual(block & int((1u << DERIVED_BLOCKS_LOG2) - 1u), block))) return true;
     uint at = uint(block.y) << DERIVED_BLOCKS_LOG2 | uint(block.x);
-    uint bits = pool_load(derived, (at & ~1u) * block_words(IS_WIDE) + measured_in_block(IS_WIDE));
+    uint bits = pool_load(derived, (at & ~1u) * block_words(form) + measured_in_block(form));
     if ((bits >> (at & 1u) * 4u & 0x0F0F0F0Fu) != 0u) return true;
-    uint list = list_of(derived, at, IS_WIDE);
-    return list != 0u && pool_load(derived, list + 1u + IS_WIDE + LIST_TOP) != 0u;
+    return floats_in(at);
 }
 
 // Whether there is something on all sides of a derived block: it does not lie on the border of what there is.
@@ -35,8 +40,7 @@ bool is_under(ivec2 block) {
     for (int k = 0; k < 9; k++) {
         ivec2 near = block + ivec2(k % 3, k / 3) - 1;
         if (any(notEqual(near & int((1u << DERIVED_BLOCKS_LOG2) - 1u), near))) continue;
-        uint list = list_of(derived, uint(near.y) << DERIVED_BLOCKS_LOG2 | uint(near.x), IS_WIDE);
-        if (list != 0u && pool_load(derived, list + 1u + IS_WIDE + LIST_TOP) != 0u) return true;
+        if (floats_in(uint(near.y) << DERIVED_BLOCKS_LOG2 | uint(near.x))) return true;
     }
     return false;
 }
@@ -54,7 +58,7 @@ uint around(uvec2 column, uint level, out uvec2 nearest) {
     for (int k = 0; k < 9; k++) {
         ivec2 node = first + ivec2(k % 3, k / 3);
         codes[k] = 0u;
-        if (all(lessThan(uvec2(node), uvec2(SECTION_SIDE >> level)))) codes[k] = pool_load(derived, mean_at(level, uvec2(node), IS_WIDE));
+        if (all(lessThan(uvec2(node), uvec2(SECTION_SIDE >> level)))) codes[k] = pool_load(derived, mean_at(level, uvec2(node), form));
         shares[k] = codes[k] != 0u ? of_x[k % 3] * of_y[k / 3] : 0u;
         sum += shares[k];
         if (shares[k] > best) {
@@ -78,14 +82,14 @@ uvec2 measured_in(uvec2 node, uint level) {
         uvec2 child = node * 2u;
         for (uint k = 0u; k < 4u; k++) {
             uvec2 at = node * 2u + uvec2(k & 1u, k >> 1u);
-            if (pool_load(derived, mean_at(level - 1u, at, IS_WIDE)) != 0u) child = at;
+            if (pool_load(derived, mean_at(level - 1u, at, form)) != 0u) child = at;
         }
         node = child;
     }
     uvec2 column = node * 4u;
     for (uint k = 0u; k < 16u; k++) {
         uvec2 at = node * 4u + uvec2(k & 3u, k >> 2u);
-        if (is_measured(derived, at, IS_WIDE)) column = at;
+        if (is_measured(derived, at, form)) column = at;
     }
     return column;
 }
@@ -94,30 +98,31 @@ void main() {
     uint job = gl_WorkGroupID.y, half_block;
     if (!half_block_of(gl_GlobalInvocationID.x, JOB[job].first, JOB[job].area, half_block)) return;
     if (JOB[job].lists == 0u) return;
+    begin_form(job);
     uvec4 here = JOB[job].near[4];
     derived = here.xy;
     uvec2 origin = half_block_origin(half_block);
-    uint west = western_block(half_block, IS_WIDE);
+    uint west = western_block(half_block);
     bool filled = false;
     for (uint side = 0u; side < 2u; side++) {
-        uint first = west + side * block_words(IS_WIDE);
+        uint first = west + side * block_words(form);
         ivec2 block = ivec2(origin >> 2u) + ivec2(side, 0);
         if (!is_under(block)) continue;
         bool inner_block = is_inner(block);
-        uint list = list_of(derived, block_of(origin) + side, IS_WIDE);
+        uint at = block_of(origin) + side, list = list_of(derived, at);
         for (uint inner = 0u; inner < 16u; inner++) {
             uvec2 column = origin + uvec2(side * 4u + (inner & 3u), inner >> 2u), nearest;
-            uint code = solid_code(derived, column, IS_WIDE);
-            if (code != 0u || !(inner_block || list != 0u && floating_top(derived, list, inner, IS_WIDE) != 0u)) continue;
+            uint code = solid_code(derived, column, form);
+            if (code != 0u || !(inner_block || list != 0u && floating_ends(derived, at, list, inner, form).x != 0u)) continue;
             for (uint level = 2u; level <= MEANS_LEVEL && code == 0u; level++) {
                 code = around(column, level, nearest);
                 if (code == 0u) continue;
                 filled = true;
-                uint shows = shown_of(derived, measured_in(nearest, level), IS_WIDE);
-                pool_store(derived, first + shown_in_block(IS_WIDE) + inner, shows);
-                store_solid(derived, first, list, inner, code);
+                uint shows = shown_of(derived, measured_in(nearest, level), form);
+                pool_store(derived, first + shown_in_block(form) + inner, shows);
+                store_solid(derived, at, first, inner, code);
             }
         }
     }
-    if (filled) store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u);
+    if (filled) store_levels_1_and_2(derived, half_block, west);
 }

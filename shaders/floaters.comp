@@ -19,8 +19,8 @@ const uint NOTHING_LOWER = 0xFFFFFFFFu;
 
 int reach; // of what tells whether what is not classified floats
 uint span; // where the next one goes
-uvec2 bounds; // codes of the list's highest top and lowest bottom
-uint highest; // code of the column's highest span
+uint highest_of_all; // code of the block's highest span
+uint highest, lowest; // codes of the column's highest top and lowest bottom of spans
 
 // Of the columns within the reach of `column` the three whose lowest points are lowest, on coarser levels two or one: code of the
 // highest of these points. What lies more than a gap above it lies so over all of them. As loops may take only so many turns (lavapipe:
@@ -31,9 +31,9 @@ uint lowest_around(ivec2 column, int reach) {
     for (int k = 0; k < side * side; k++) {
         ivec2 near = column + ivec2(k % side, k / side) - reach;
         if (any(notEqual(near & int(SECTION_SIDE - 1u), near))) continue;
-        uint list = list_of(derived, block_of(uvec2(near)), IS_WIDE);
+        uint list = list_of(derived, block_of(uvec2(near)));
         if (list == 0u) continue;
-        uint there = code_in(derived, list, OF_LOWEST, in_block(uvec2(near)), IS_WIDE);
+        uint there = code_in(derived, list, OF_LOWEST, in_block(uvec2(near)), form);
         if (there != 0u) least = uvec3(min(least.x, there), max(least.x, min(least.y, there)), max(least.y, min(least.z, there)));
     }
     return reach == 0 ? least.x : reach == 1 ? least.y : least.z;
@@ -46,9 +46,9 @@ void add_span(uvec3 run, uint bottom) {
         pool_store(derived, span + 1u, codes.y);
     } else pool_store(derived, span, codes.x | codes.y << 16u);
     pool_store(derived, span + 1u + IS_WIDE, shows_of(run));
-    span += span_words(IS_WIDE);
-    bounds = uvec2(max(bounds.x, codes.x), min(bounds.y, codes.y));
+    span += span_words(form);
     highest = max(highest, codes.x);
+    lowest = min(lowest, codes.y);
 }
 
 // Adds the spans of a column of the block, stores what its solid part shows, and gives that part's code in x, in y how many
@@ -90,16 +90,16 @@ void main() {
     counts = section.z + blocks_before(block) * COUNT_WORDS + upper * 8u;
     uint before = place_of(half_block, 1u);
     for (uint w = 0u; w < upper * 8u; w++) before += sum_of_bytes(pool_load(place, counts - 8u + w));
-    uint first_of_all = lists_at(IS_WIDE) + 2u * JOB[job].lists * list_words(IS_WIDE);
-    span = first_of_all + place_of(half_block, 2u + upper) * span_words(IS_WIDE);
-    uint west = western_block(half_block, IS_WIDE), measured = 0u;
+    uint first_of_all = lists_at(form) + 2u * JOB[job].lists * list_words(form);
+    span = first_of_all + place_of(half_block, 2u + upper) * span_words(form);
+    uint west = western_block(half_block), measured = 0u;
     uvec2 origin = half_block_origin(half_block);
 
     for (uint side = 0u; side < 2u; side++) {
-        uint list = list_at(number, side), first = west + side * block_words(IS_WIDE);
+        uint list = list_at(number, side), first = west + side * block_words(form);
         uint other = section.w + STACK_RUN * before, rows = 0u;
-        bounds = uvec2(0u, no_bottom(IS_WIDE));
-        pool_store(derived, list + 1u + IS_WIDE + LIST_SPANS, span);
+        highest_of_all = 0u;
+        pool_store(derived, first + STACK_SPANS, span);
         // A word of counts is a row of one of the two derived blocks.
         for (uint w = 0u; w < 8u; w++) {
             uint others = pool_load(place, counts + w);
@@ -109,32 +109,29 @@ void main() {
             }
             uint row = w >> 1u, counted = 0u;
             for (uint two = 0u; two < 2u; two++) {
-                uvec2 codes = uvec2(0u), tops = uvec2(0u);
+                uvec2 codes = uvec2(0u);
                 for (uint k = 0u; k < 2u; k++) {
                     highest = 0u;
+                    lowest = NO_BOTTOM;
                     uint x = two * 2u + k, end = other + STACK_RUN * (others >> 8u * x & 0xFFu);
-                    uint to = first + shown_in_block(IS_WIDE) + row * 4u + x;
+                    uint to = first + shown_in_block(form) + row * 4u + x;
                     uvec2 stack = stack_of(upper * 32u + w * 4u + x, ivec2(origin) + ivec2(side * 4u + x, row), other, end, to);
                     other = end;
                     codes[k] = stack.x;
-                    tops[k] = highest;
+                    pool_store(derived, first + row * 4u + x, word_of(max(stack.x, highest), stack.x, lowest));
+                    highest_of_all = max(highest_of_all, highest);
                     counted |= stack.y << 8u * x;
                     measured |= (stack.x != 0u ? 1u : 0u) << row * 8u + side * 4u + x;
                 }
-                uint inner = row * 4u + two * 2u;
-                store_two(derived, first, inner, max(codes, tops));
-                store_two(derived, codes_at(list, OF_SOLID, IS_WIDE), inner, codes);
+                store_two(derived, codes_at(list, OF_SOLID, form), row * 4u + two * 2u, codes);
             }
-            pool_store(derived, list + 1u + IS_WIDE + LIST_COUNTS + row, counted);
+            pool_store(derived, list + LIST_COUNTS + row, counted);
             if (row < 3u) rows += sum_of_bytes(counted) << (row == 0u ? 0u : row == 1u ? LIST_ROWS_2 : LIST_ROWS_3);
             if (row == 0u) rows += sum_of_bytes(counted) << LIST_ROWS_2;
         }
-        pool_store(derived, list + 1u + IS_WIDE + LIST_ROWS, rows);
-        // What is solid comes with the levels.
-        if (WIDE) pool_store(derived, list + 1u, bounds.y);
-        else pool_store(derived, list, bounds.y << 16u);
-        pool_store(derived, list + 1u + IS_WIDE + LIST_TOP, bounds.x);
+        pool_store(derived, list + LIST_ROWS, rows);
+        pool_store(derived, list + LIST_TOP, highest_of_all);
     }
-    pool_store(derived, west + measured_in_block(IS_WIDE), measured);
-    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u);
+    pool_store(derived, west + measured_in_block(form), measured);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west);
 }

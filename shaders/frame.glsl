@@ -56,7 +56,7 @@ struct Node {
     uint meta;    // level | for sections: detail level, log2 of the side of a cell of what is shown here, << 16
     uvec2 pyramid; // of the pyramid of the section shown here, which may reach farther than the node: all bits of its place
     int base;      // lattice height of code 0, from the anchor
-    uint wide;     // 1 where codes are wide
+    uint form;     // how it lies: see section.glsl
     uint beside[4]; // slots of the sections of its size and detail to the east, west, north and south, or NO_NODE
     uint floats;    // 1 where something of its section may float
     uint corners;   // first word of its corners in what is derived of it; 0: its tops are no smooth surface
@@ -126,7 +126,7 @@ uint node_top(uint slot) { return node_word(slot, NODE_TOP); }
 uint node_meta(uint slot) { return node_word(slot, NODE_META); }
 uvec2 node_pyramid(uint slot) { return uvec2(node_word(slot, NODE_PYRAMID), node_word(slot, NODE_PYRAMID + 1u)); }
 int node_base(uint slot) { return int(node_word(slot, NODE_BASE)); }
-uint node_wide(uint slot) { return node_word(slot, NODE_WIDE); }
+uint node_form(uint slot) { return node_word(slot, NODE_FORM); }
 uint node_beside(uint slot, uint side) { return node_word(slot, NODE_BESIDE + side); }
 uint node_floats(uint slot) { return node_word(slot, NODE_FLOATS); }
 uint node_corners(uint slot) { return node_word(slot, NODE_CORNERS); }
@@ -138,7 +138,7 @@ uint node_top(uint slot) { log_node(slot, NODE_TOP); return NODE[slot].top; }
 uint node_meta(uint slot) { log_node(slot, NODE_META); return NODE[slot].meta; }
 uvec2 node_pyramid(uint slot) { log_node(slot, NODE_PYRAMID); return NODE[slot].pyramid; }
 int node_base(uint slot) { log_node(slot, NODE_BASE); return NODE[slot].base; }
-uint node_wide(uint slot) { log_node(slot, NODE_WIDE); return NODE[slot].wide; }
+uint node_form(uint slot) { log_node(slot, NODE_FORM); return NODE[slot].form; }
 uint node_beside(uint slot, uint side) { log_node(slot, NODE_BESIDE + side); return NODE[slot].beside[side]; }
 uint node_floats(uint slot) { log_node(slot, NODE_FLOATS); return NODE[slot].floats; }
 uint node_corners(uint slot) { log_node(slot, NODE_CORNERS); return NODE[slot].corners; }

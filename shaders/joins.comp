@@ -18,7 +18,7 @@ uint jump;
 // The spans of a column of this section or of one around it.
 struct Spans {
     uvec2 place;
-    uint wide;
+    uint form;
     int base;
     uint from, count;
 };
@@ -34,19 +34,19 @@ Spans spans_in(ivec2 column) {
     // -1, 0 or 1 section on.
     ivec2 beyond = column >> int(SECTION_LOG2);
     uvec4 section = JOB[job].near[4 + beyond.x + 3 * beyond.y];
-    Spans spans = Spans(section.xy, section.w & 1u, int(section.z), 0u, 0u);
-    if (section.xy == uvec2(0u) || (section.w & 2u) == 0u) return spans;
+    Spans spans = Spans(section.xy, section.w, int(section.z), 0u, 0u);
+    if (section.xy == uvec2(0u) || floats_of(section.w) == 0u) return spans;
     uvec2 at = uvec2(column) & (SECTION_SIDE - 1u);
-    uint list = list_of(spans.place, block_of(at), spans.wide);
+    uint block = block_of(at), list = list_of(spans.place, block);
     if (list == 0u) return spans;
-    uvec2 those = spans_of_column(spans.place, list, in_block(at), spans.wide);
-    spans.from = spans_of(spans.place, list, spans.wide) + those.x * span_words(spans.wide);
+    uvec2 those = spans_of_column(spans.place, list, in_block(at));
+    spans.from = spans_of(spans.place, block) + those.x * span_words(spans.form);
     spans.count = those.y;
     return spans;
 }
 
-uint class_at(Spans spans, uint k) { return pool_load(spans.place, spans.from + k * span_words(spans.wide) + 1u + spans.wide) >> SHOWN_CLASS_SHIFT; }
-ivec2 ends_at(Spans spans, uint k) { return spans.base + ivec2(two_codes(spans.place, spans.from + k * span_words(spans.wide), spans.wide)); }
+uint class_at(Spans spans, uint k) { return pool_load(spans.place, spans.from + k * span_words(spans.form) + 1u + wide_of(spans.form)) >> SHOWN_CLASS_SHIFT; }
+ivec2 ends_at(Spans spans, uint k) { return spans.base + ivec2(two_codes(spans.place, spans.from + k * span_words(spans.form), spans.form)); }
 uint looked_at(Spans spans) { return min(spans.count, MOST_JOINED_RUNS); }
 
 // The next of a class from run k on; false: there is none. k: where to go on.
@@ -229,7 +229,7 @@ void main() {
     Spans own = spans_in(column);
     uint heads = 0u;
     for (uint k = 0u; k < own.count; k++) {
-        uint class_ = class_at(own, k), at = own.from + k * span_words(IS_WIDE);
+        uint class_ = class_at(own, k), at = own.from + k * span_words(own.form);
         bool alone = k >= MOST_JOINED_RUNS || heads >= MOST_JOINED;
         uvec2 words = uvec2(JOINED_ABOVE);
         if (k >= MOST_JOINED_RUNS || !goes_on(own, k)) {

@@ -6,18 +6,18 @@ struct Section {
     uvec2 pyramid; // its place
     int base;      // lattice height of code 0, from the anchor
     int detail;    // level of its finest cells
-    uint wide;     // 1 where codes are wide
+    uint form;     // how it lies
 };
 
 // The section in `slot`, whose detail is known.
-Section section_in(uint slot, int detail) { return Section(node_pyramid(slot), node_base(slot), detail, node_wide(slot)); }
+Section section_in(uint slot, int detail) { return Section(node_pyramid(slot), node_base(slot), detail, node_form(slot)); }
 
 // Code of the highest thing in node `index` of `level`; a node smaller than the section's cells stands for its cell. 0:
 // nothing is there.
 uint code_at(Section section, int level, ivec2 index) {
     int at = max(level, section.detail);
     uint l = uint(at - section.detail);
-    return pyramid_code(section.pyramid, l, uvec2(index >> at - level) & (SECTION_SIDE >> l) - 1u, section.wide);
+    return pyramid_code(section.pyramid, l, uvec2(index >> at - level) & (SECTION_SIDE >> l) - 1u, section.form);
 }
 
 // Height of a code, lattice steps from the anchor.

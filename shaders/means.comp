@@ -26,22 +26,23 @@ void main() {
     uvec2 derived = here.xy;
     uint lane = gl_LocalInvocationID.x;
     if (JOB[gl_WorkGroupID.x].lists == 0u) return;
+    begin_form(gl_WorkGroupID.x);
 
     for (uint k = lane; k < 1024u; k += PYRAMID_THREADS) {
         uvec4 four = uvec4(0u);
         for (uint n = 0u; n < 4u; n++) {
             uvec2 node = uvec2((k & 31u) * 2u + (n & 1u), (k >> 5u) * 2u + (n >> 1u));
-            uint block = node.y << DERIVED_BLOCKS_LOG2 | node.x, list = list_of(derived, block, IS_WIDE);
-            uint from = list != 0u ? codes_at(list, OF_SOLID, IS_WIDE) : block * block_words(IS_WIDE);
+            uint block = node.y << DERIVED_BLOCKS_LOG2 | node.x, list = list_of(derived, block);
+            uint from = list != 0u ? codes_at(list, OF_SOLID, form) : block * block_words(form);
             uvec4 rows = uvec4(0u);
             for (uint row = 0u; row < 4u; row++) {
-                uvec4 codes = load_four(derived, from, row * 4u);
+                uvec4 codes = list != 0u ? load_four(derived, from, row * 4u) : load_tops(derived, from, row * 4u);
                 for (uint x = 0u; x < 4u; x++)
-                    if (!is_measured(derived, node * 4u + uvec2(x, row), IS_WIDE)) codes[x] = 0u;
+                    if (!is_measured(derived, node * 4u + uvec2(x, row), form)) codes[x] = 0u;
                 rows[row] = mean_of(codes);
             }
             four[n] = mean_of(rows);
-            pool_store(derived, mean_at(2u, node, IS_WIDE), four[n]);
+            pool_store(derived, mean_at(2u, node, form), four[n]);
         }
         means[k] = mean_of(four);
     }
@@ -49,7 +50,7 @@ void main() {
         uint side = SECTION_SIDE >> level;
         barrier();
         for (uint k = lane; k < side * side; k += PYRAMID_THREADS)
-            pool_store(derived, mean_at(level, uvec2(k % side, k / side), IS_WIDE), means[k]);
+            pool_store(derived, mean_at(level, uvec2(k % side, k / side), form), means[k]);
         uint half_side = side / 2u, mean = 0u;
         // From 16x16 on, a level has no more nodes than there are threads.
         if (lane < half_side * half_side) {

@@ -24,7 +24,7 @@ PlainNode plain_node(ivec2 cell, int level) {
     node.top = 0;
     node.there = false;
     if (node.slot != NO_NODE) {
-        uint code = pyramid_code(node_pyramid(node.slot), uint(level), node.inner, node_wide(node.slot));
+        uint code = pyramid_code(node_pyramid(node.slot), uint(level), node.inner, node_form(node.slot));
         node.top = node_base(node.slot) + int(code);
         node.there = code != 0u;
     }

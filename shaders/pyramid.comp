@@ -14,7 +14,8 @@ void main() {
     uvec2 derived = JOB[gl_WorkGroupID.x].near[4].xy;
     uint lane = gl_LocalInvocationID.x;
 
-    const uint first = upper_levels(IS_WIDE);
+    begin_form(gl_WorkGroupID.x);
+    uint first = upper_levels(form);
     for (uint k = lane; k < 1024u; k += PYRAMID_THREADS) {
         uint below = upper_level(2u) + (k >> 5u) * 2u * 64u + (k & 31u) * 2u;
         uvec2 tops = max(load_two(derived, first, below), load_two(derived, first, below + 64u));

@@ -52,7 +52,7 @@ bool top_at(inout Here here, inout int shown, int detail, ivec2 column, out floa
 #ifdef STACKED
     // Of what floats, too, where that is looked at.
     if (!over && code != 0u && detail <= shown && node_floats(here.slot) != 0u)
-        code = solid_code(section.pyramid, uvec2(column >> shown - detail) & (SECTION_SIDE - 1u), section.wide);
+        code = solid_code(section.pyramid, uvec2(column >> shown - detail) & (SECTION_SIDE - 1u), section.form);
 #endif
     top = float(height_of(section, code));
     return code != 0u;
@@ -115,20 +115,20 @@ vec2 slope_about(inout Here here, inout int shown, int detail, ivec2 column, vec
 // the span is a slab.
 vec3 round_normal_at(uint slot, uvec2 column, uint span, int detail, vec2 place, float z) {
     uvec2 pyramid = node_pyramid(slot);
-    uint wide = node_wide(slot), list = list_of(pyramid, block_of(column), wide);
-    uint from = spans_of(pyramid, list, wide), first = spans_of_column(pyramid, list, in_block(column), wide).x;
-    uint k = span - 1u, at = from + k * span_words(wide), class_ = pool_load(pyramid, at + 1u + wide) >> SHOWN_CLASS_SHIFT;
+    uint form = node_form(slot), wide = wide_of(form), block = block_of(column);
+    uint from = spans_of(pyramid, block), first = spans_of_column(pyramid, list_of(pyramid, block), in_block(column)).x;
+    uint k = span - 1u, at = from + k * span_words(form), class_ = pool_load(pyramid, at + 1u + wide) >> SHOWN_CLASS_SHIFT;
     uvec2 words = joins_at(pyramid, at + node_joins(slot));
     // The highest of what it is a part of.
     while (is_joined_above(words) && k > first) {
         k--;
-        uint above = from + k * span_words(wide);
+        uint above = from + k * span_words(form);
         if (pool_load(pyramid, above + 1u + wide) >> SHOWN_CLASS_SHIFT != class_) continue;
         at = above;
         words = joins_at(pyramid, at + node_joins(slot));
     }
     if (is_joined_above(words) || !is_upright(words) && !is_tube(words)) return vec3(0.0);
-    ivec2 ends = node_base(slot) + ivec2(two_codes(pyramid, at, wide));
+    ivec2 ends = node_base(slot) + ivec2(two_codes(pyramid, at, form));
     Tube tube = tube_of(words, ends, detail, ivec2(0));
     vec3 away = away_from(tube, vec3(place, (z - float(middle_of(ends))) / (frame.cell_height * float(1 << detail))));
     // As it is shown.
@@ -188,8 +188,8 @@ const float UNDER_FLOATS = 0.6;
 bool is_under_floats(uint slot, uvec2 column) {
     if (node_floats(slot) == 0u) return false;
     uvec2 place = node_pyramid(slot);
-    uint wide = node_wide(slot), list = list_of(place, block_of(column), wide);
-    return list != 0u && spans_of_column(place, list, in_block(column), wide).y > 0u;
+    uint list = list_of(place, block_of(column));
+    return list != 0u && spans_of_column(place, list, in_block(column)).y > 0u;
 }
 #endif
 
@@ -230,7 +230,7 @@ void main() {
             vec2 in_column = vec2(ray.cell.xy - (column << detail)) + fma(vec2(uintBitsToFloat(hit.x)), ray.step.xy, ray.fraction.xy);
             in_column = clamp(in_column / size, 0.0, 1.0);
             place = in_column - 0.5;
-            vec4 four = vec4(node_base(hit.y) + ivec4(corners_of(node_pyramid(hit.y), corners, inner, node_wide(hit.y))));
+            vec4 four = vec4(node_base(hit.y) + ivec4(corners_of(node_pyramid(hit.y), corners, inner, wide_of(node_form(hit.y)))));
             vec2 ends = mix(four.xz, four.yw, in_column.x);
             edge = mix(ends.x, ends.y, in_column.y);
             if (face == FACE_TOP) {

@@ -51,12 +51,10 @@ void main() {
 
     block = place_of(half_block, 0u);
     counts = section.z + blocks_before(block) * COUNT_WORDS;
-    uint west = western_block(half_block, IS_WIDE), number = block != 0u ? place_of(half_block, 4u + upper) : 0u;
-    if (JOB[job].lists != 0u) {
-        uvec2 origin = half_block_origin(half_block);
-        uint at = floats_at(IS_WIDE) + FLOAT_LISTS + block_of(origin);
-        for (uint side = 0u; side < 2u; side++) pool_store(derived, at + side, number != 0u ? list_at(number, side) : 0u);
-    }
+    uint west = western_block(half_block), number = block != 0u ? place_of(half_block, 4u + upper) : 0u;
+    if (floats_of(form) != 0u)
+        for (uint side = 0u; side < 2u; side++)
+            pool_store(derived, west + side * block_words(form) + STACK_LIST, number != 0u ? list_at(number, side) : 0u);
     column = upper * 32u;
     uint before = 0u;
     if (block != 0u) {
@@ -67,7 +65,7 @@ void main() {
     // Two at a time, of one word where codes are narrow.
     for (uint two = 0u; two < 16u; two++) {
         uint side = two >> 1u & 1u, inner = (two >> 2u) * 4u + (two & 1u) * 2u;
-        uint first = west + side * block_words(IS_WIDE), to = first + shown_in_block(IS_WIDE) + inner;
+        uint first = west + side * block_words(form), to = first + shown_in_block(form) + inner;
         uvec2 codes = uvec2(0u);
         if (block == 0u) {
             pool_store(derived, to, 0u);
@@ -82,10 +80,10 @@ void main() {
                 codes.y = next_lowest(others >> 8u & 0xFFu);
             }
         }
-        if (number == 0u) store_two(derived, first, inner, codes);
-        else store_two(derived, codes_at(list_at(number, side), OF_LOWEST, IS_WIDE), inner, codes);
+        if (number == 0u) store_tops(derived, first, inner, codes);
+        else store_two(derived, codes_at(list_at(number, side), OF_LOWEST, form), inner, codes);
     }
     if (number != 0u) return;
-    pool_store(derived, west + measured_in_block(IS_WIDE), measured);
-    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, JOB[job].lists != 0u);
+    pool_store(derived, west + measured_in_block(form), measured);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west);
 }

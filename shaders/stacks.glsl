@@ -6,6 +6,7 @@ uint block, counts, gap, depth_step, thickness;
 
 void begin_stacks(uint job) {
     begin_runs(job);
+    begin_form(job);
     uint slice = JOB[job].slice;
     thickness = JOB[job].thickness;
     gap = 1u << slice;
@@ -49,4 +50,4 @@ uint shows_of_solid(uvec4 top, uint at, uint end) {
 }
 
 // Where the list of one of a half block's two derived blocks lies; `number`: of the half block among those that have lists.
-uint list_at(uint number, uint side) { return lists_at(IS_WIDE) + (2u * (number - 1u) + side) * list_words(IS_WIDE); }
+uint list_at(uint number, uint side) { return lists_at(form) + (2u * (number - 1u) + side) * list_words(form); }

@@ -50,8 +50,9 @@ void main() {
     uint job = gl_WorkGroupID.y, half_block = gl_GlobalInvocationID.x;
     uvec4 section = JOB[job].section;
     begin_runs(job);
+    begin_form(job);
 
-    uint west = western_block(half_block, IS_WIDE), before = 0u;
+    uint west = western_block(half_block), before = 0u;
     block = pool_load(place, PLACES + (half_block & ~1u));
     counts = section.z + (block - FIRST_BLOCK) / BLOCK_WORDS * COUNT_WORDS;
     column = (half_block & 1u) * 32u;
@@ -63,8 +64,8 @@ void main() {
     other = section.w + RUN_WORDS * before;
     // Two at a time, of one word where codes are narrow.
     for (uint two = 0u; two < 16u; two++) {
-        uint first = west + (two >> 1u & 1u) * block_words(IS_WIDE), inner = (two >> 2u) * 4u + (two & 1u) * 2u;
-        uint to = first + shown_in_block(IS_WIDE) + inner;
+        uint first = west + (two >> 1u & 1u) * block_words(form), inner = (two >> 2u) * 4u + (two & 1u) * 2u;
+        uint to = first + shown_in_block(form) + inner;
         uvec2 codes = uvec2(0u);
         if (block == 0u) {
             pool_store(derived, to, 0u);
@@ -76,6 +77,6 @@ void main() {
         }
         store_two(derived, first, inner, codes);
     }
-    pool_store(derived, west + measured_in_block(IS_WIDE), measured);
-    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west, false);
+    pool_store(derived, west + measured_in_block(form), measured);
+    if (!BRIDGE) store_levels_1_and_2(derived, half_block, west);
 }

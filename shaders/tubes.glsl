@@ -175,7 +175,7 @@ struct Joined {
 
 // Of the one whose first word is `at`.
 Joined joined_at(Section section, uint at, uint joins) {
-    uint class_ = pool_load(section.pyramid, at + 1u + section.wide) >> SHOWN_CLASS_SHIFT;
+    uint class_ = pool_load(section.pyramid, at + 1u + wide_of(section.form)) >> SHOWN_CLASS_SHIFT;
     uvec2 words = joins_at(section.pyramid, at + joins);
     return Joined(class_, words, !is_upright(words) && !is_tube(words));
 }

@@ -161,17 +161,23 @@ Hit trace(Ray ray, float start, int level) {
         // From section to section, as long as they are of one size.
         while (true) {
         Section section = section_in(hit.slot, detail);
+#ifdef SMOOTH
+        uint corners = node_corners(hit.slot), joins = node_joins(hit.slot);
+        // What is smooth leads so far beyond its column's codes, lattice steps.
+        float beyond = MOST_CORNER * frame.cell_height * float(1 << detail);
+#endif
 #ifdef STACKED
-        bool floats = node_floats(hit.slot) != 0u;
-        // A node that is to be looked at for what floats in it is left to the end of this loop, so that steps stay short: `highest_here`
-        // is what its code says. Then either it is gone down into, or hit, or passed as clear.
-        bool clear = false, near = true; // near: something may float in the last node of level 1 or 2
+        uint floats = node_floats(hit.slot), form = section.form, step_log2 = max(floats, 1u) - 1u, last_in_block = 1u + floats_of(form);
+        // As in `pyramid_code`, once a section. Words of wide codes do not tell what floats: all columns are looked at.
+        bool is_wide = wide_of(form) != 0u, all_looked_at = floats != 0u && is_wide;
+        uint words = block_words(form), above_blocks = upper_levels(form), code_bits = is_wide ? 0xFFFFFFFFu : MOST_NARROW_CODE;
+        uint halves_above = 1u - wide_of(form), halves_in_block = floats_of(form) != 0u ? 0u : halves_above;
+        uint below_bits = floats != 0u && !is_wide ? ~MOST_NARROW_CODE : 0u;
+        // A column that is to be looked at for what floats in it is left to the end of this loop, so that steps stay short: then it is
+        // hit, or passed.
         while (true) {
         bool look = false;
         int highest_here = 0;
-#endif
-#ifdef SMOOTH
-        uint corners = node_corners(hit.slot), joins = node_joins(hit.slot);
 #endif
         while (true) {
             hit.steps++;
@@ -179,29 +185,40 @@ Hit trace(Ray ray, float start, int level) {
             vec2 ts = t_at(walk, node + 1 << level);
             east = walk.mirror.x == 0 ? ts.x <= ts.y : ts.x < ts.y;
             t_exit = max(east ? ts.x : ts.y, t);
+#ifndef STACKED
             uint code = code_at(section, level, node ^ flip);
             int highest = height_of(section, code);
             bool down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) && (t_exit > t || touches);
-#ifdef SMOOTH
-            if (level == finest && corners != 0u) {
-                float above = MOST_CORNER * frame.cell_height * float(1 << detail);
-                down = code != 0u && fma(falls ? t_exit : t, walk.dz, walk.z0) <= float(highest) + above && (t_exit > t || touches);
-            }
-#endif
-#ifdef STACKED
-            if (level - detail == 1 || level - detail == 2) near = (code & 1u) != 0u;
-#ifdef SMOOTH
-            bool is_looked_at = floats && near && (level == finest || level - detail == 2) || level == finest && corners != 0u;
 #else
-            bool is_looked_at = floats && near && (level == finest || level - detail == 2);
+            float z = fma(t, walk.dz, walk.z0), z_exit = fma(t_exit, walk.dz, walk.z0);
+            float least_z = min(z, z_exit), most_z = max(z, z_exit);
+            // Of a node of levels 0 to 2 where something floats its word says what is solid, too, and how low what floats begins.
+            uint l = uint(max(level - detail, 0));
+            bool is_in_block = l <= last_in_block;
+            uint log2_side = (is_in_block ? DERIVED_BLOCK_LOG2 : SECTION_LOG2) - l, halves = is_in_block ? halves_in_block : halves_above;
+            uvec2 inner = uvec2((node ^ flip) >> max(detail - level, 0)) & (SECTION_SIDE >> l) - 1u;
+            uvec2 block = inner >> log2_side, in_it = inner & (1u << log2_side) - 1u;
+            uint first = is_in_block ? (block.y << DERIVED_BLOCKS_LOG2 | block.x) * words : above_blocks;
+            uint nth = (is_in_block ? before_in_block(l) : upper_level(l)) + (in_it.y << log2_side | in_it.x);
+            uint word = pool_load(section.pyramid, first + (nth >> halves)), code = word >> (nth & halves) * 16u & code_bits;
+            int highest = height_of(section, code);
+            uvec2 how_low = below_code(is_in_block ? word & below_bits : 0u);
+            bool some_float = how_low.y != 0u || is_in_block && all_looked_at;
+            float solid = float(highest - int(how_low.x << step_log2));
+            float lowest = how_low.y != STACK_MOST_BELOW ? float(highest - int(how_low.y << step_log2)) : -STILL;
+#ifdef SMOOTH
+            float above = l == 0u && corners != 0u ? beyond : 0.0;
+            some_float = some_float || corners != 0u;
+            bool in_node = least_z <= float(highest) + above && (least_z <= solid + above || most_z >= lowest - beyond);
+#else
+            bool in_node = least_z <= float(highest) && (least_z <= solid || most_z >= lowest);
 #endif
-            if (down && !clear && is_looked_at) {
+            bool down = code != 0u && in_node && (t_exit > t || touches);
+            if (down && level == finest && some_float) {
                 look = true;
                 highest_here = highest;
                 break;
             }
-            down = down && !clear;
-            clear = false;
 #endif
             if (down && level == finest) {
                 found = true;
@@ -227,39 +244,21 @@ Hit trace(Ray ray, float start, int level) {
         }
 #ifdef STACKED
         if (!look) break;
-        uvec2 inner = uvec2((node ^ flip) >> max(detail - level, 0)) & (SECTION_SIDE >> max(level - detail, 0)) - 1u;
-        uvec2 block = level == finest ? inner >> 2u : inner;
-        uint list = 0u;
-        if (floats) list = list_of(section.pyramid, block.y << DERIVED_BLOCKS_LOG2 | block.x, section.wide);
+        uvec2 inner = uvec2((node ^ flip) >> detail - level) & SECTION_SIDE - 1u;
         float z = fma(t, walk.dz, walk.z0), z_exit = fma(t_exit, walk.dz, walk.z0);
-        bool solid = true;
-        uint spans_here = 0u;
+        bool is_solid = true;
+        uint block = block_of(inner), list = 0u;
+        if (floats != 0u) list = list_of(section.pyramid, block);
         if (list != 0u) {
-            uvec2 ends = two_codes(section.pyramid, list, section.wide);
-            float lowest = float(height_of(section, ends.y));
-#ifdef SMOOTH
-            // Spans may lead lower.
-            if (joins != 0u) lowest -= MOST_CORNER * frame.cell_height * float(1 << detail);
-#endif
-            bool meets = ends.y != no_bottom(section.wide) && max(z, z_exit) >= lowest;
-            uint of_solid = ends.x;
-            if (level == finest) of_solid = code_in(section.pyramid, list, OF_SOLID, in_block(inner), section.wide);
-            if (level == finest) highest_here = height_of(section, of_solid);
-            solid = of_solid != 0u && min(z, z_exit) <= float(height_of(section, of_solid));
-            if (meets) spans_here = 1u;
-        }
-        if (level != finest) {
-            if (solid || spans_here != 0u) {
-                level--;
-                node = node * 2 + past(walk, (node * 2 + 1) << level, t);
-            } else clear = true;
-            continue;
+            uint code = code_in(section.pyramid, list, OF_SOLID, in_block(inner), form);
+            highest_here = height_of(section, code);
+            is_solid = code != 0u && min(z, z_exit) <= float(highest_here);
         }
         // The first contact, of several at once that of the larger record, which comes first.
-        float first_contact = !solid ? FAR : z <= float(highest_here) ? t : t_of(walk, ray, t, t_exit, highest_here);
+        float first_contact = !is_solid ? FAR : z <= float(highest_here) ? t : t_of(walk, ray, t, t_exit, highest_here);
 #ifdef SMOOTH
         if (corners != 0u) {
-            uvec4 codes = corners_of(section.pyramid, corners, inner, section.wide);
+            uvec4 codes = corners_of(section.pyramid, corners, inner, wide_of(form));
             first_contact = FAR;
             ivec4 four = mirrored(walk, section.base + ivec4(codes));
             float above;
@@ -267,11 +266,12 @@ Hit trace(Ray ray, float start, int level) {
         }
 #endif
         uvec2 spans = uvec2(0u);
-        if (spans_here != 0u) spans = spans_of_column(section.pyramid, list, in_block(inner), section.wide);
+        if (list != 0u) spans = spans_of_column(section.pyramid, list, in_block(inner));
         uint from = 0u;
-        if (spans.y != 0u) from = spans_of(section.pyramid, list, section.wide);
+        if (spans.y != 0u) from = spans_of(section.pyramid, block);
         for (uint k = 0u; k < spans.y; k++) {
-            uvec2 one = two_codes(section.pyramid, from + (spans.x + k) * span_words(section.wide), section.wide);
+            uint span_at = from + (spans.x + k) * span_words(form);
+            uvec2 one = two_codes(section.pyramid, span_at, form);
             int span_top = height_of(section, one.x), span_bottom = height_of(section, one.y);
 #ifdef SMOOTH
             uint face_here = face;
@@ -279,7 +279,7 @@ Hit trace(Ray ray, float start, int level) {
             float t_contact;
             if (joins == 0u) t_contact = contact(walk, ray, t, t_exit, span_bottom, span_top);
             else {
-                joined = joined_at(section, from + (spans.x + k) * span_words(section.wide), joins);
+                joined = joined_at(section, span_at, joins);
                 if (is_joined_above(joined.words)) {
                     // What is met of the whole shows as this.
                     if (span != 0u && joined.class_ == met.class_ && (met.slab || is_upright(met.words)) && fma(first_contact, walk.dz, walk.z0) <= float(span_top)) {
@@ -291,6 +291,8 @@ Hit trace(Ray ray, float start, int level) {
                 t_contact = joined_contact(walk, ray, t, t_exit, node >> detail - level, detail, joined, ivec2(span_top, span_bottom), face_here);
             }
 #else
+            // The highest come first.
+            if (min(z, z_exit) > float(span_top) || falls && span != 0u) break;
             float t_contact = contact(walk, ray, t, t_exit, span_bottom, span_top);
 #endif
             if (t_contact < first_contact || t_contact == first_contact && t_contact != FAR && span == 0u) {
@@ -313,7 +315,17 @@ Hit trace(Ray ray, float start, int level) {
 #endif
             break;
         }
-        clear = true;
+        // On, as above.
+        done = !(t_exit < t_leave);
+        t = t_exit;
+        node += ivec2(east, !east);
+        face = east ? FACE_WEST : FACE_SOUTH;
+        touches = !diagonal;
+        int crossed = east ? node.x : node.y;
+        if (done || (crossed & (1 << ceiling - level) - 1) == 0) break;
+        int up = ~crossed & 1;
+        level += up;
+        node >>= up;
         }
 #endif
         if (found || done) break;

@@ -74,6 +74,11 @@ impl Stacking {
         self.slice_log2.saturating_sub(crate::shared::payload::DEPTH_SLICE_BITS)
     }
 
+    /// log2 of the steps by which a node's word counts how far below the highest thing what is solid lies, and what floats begins.
+    pub const fn word_step_log2(self) -> u32 {
+        self.slice_log2.saturating_sub(1)
+    }
+
     /// How far below its highest point a span that is to grow no more may reach, steps: from there on to the next point, a gap
     /// further at most, a depth can tell.
     pub const fn most_depth(self) -> i64 {

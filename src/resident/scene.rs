@@ -447,8 +447,7 @@ impl Scene {
         };
         let derived = |v: &Version| {
             let [x, y] = pool.place(&v.slots.derived, 0);
-            let floats = v.layout.floats.is_some_and(|floats| floats.spans > 0);
-            [x, y, v.layout.code.base as u32, u32::from(v.layout.code.wide) | u32::from(floats) << 1]
+            [x, y, v.layout.code.base as u32, v.layout.derived().form()]
         };
         let mut near = around(key).map(|near| newest(near).map_or([0; 4], derived));
         near[4] = derived(version);
@@ -707,8 +706,11 @@ impl Scene {
                 key: at,
                 detail: key.section.level,
                 pyramid,
-                code: version.layout.code,
-                floats: self.may_float(version),
+                base: Height(version.layout.code.base),
+                form: version.layout.derived().form(),
+                floats: self
+                    .may_float(version)
+                    .then(|| self.grid.stacking(key.section.level).word_step_log2()),
                 corners: version.layout.corners(),
                 joins: version.layout.joins(),
                 top,

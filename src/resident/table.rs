@@ -5,11 +5,10 @@
 //! slots. Laid out for `shaders/frame.glsl`.
 
 use crate::coords::{Height, SECTION_LOG2, SectionKey};
-use crate::section::HeightCode;
 use crate::shared::node::{
     HASH_EAST, HASH_LAST_SHIFT, HASH_LEVEL, HASH_MIX, HASH_NORTH, HASH_SHIFT, KEY_INDEX_MASK,
     KEY_LEVEL_SHIFT, META_DETAIL_SHIFT, NO_KEY, NO_NODE, NODE_BASE, NODE_BESIDE, NODE_CORNERS, NODE_FLOATS,
-    NODE_JOINS, NODE_KEY, NODE_META, NODE_PYRAMID, NODE_TOP, NODE_WIDE, NODE_WORDS, TOP_SECTION,
+    NODE_FORM, NODE_JOINS, NODE_KEY, NODE_META, NODE_PYRAMID, NODE_TOP, NODE_WORDS, TOP_SECTION,
 };
 use bytemuck::{Pod, Zeroable};
 use std::collections::HashMap;
@@ -30,11 +29,11 @@ pub struct Node {
     pub pyramid: [u32; 2],
     /// Lattice height of code 0, from the anchor.
     pub base: i32,
-    /// 1 where codes are wide.
-    pub wide: u32,
+    /// How what is derived of its section lies: `FORM_WIDE`, `FORM_FLOATS`.
+    pub form: u32,
     /// Slots of the sections of its size and detail to the east, west, north and south; all ones where there is none.
     pub beside: [u32; 4],
-    /// 1 where something of its section may float.
+    /// Where something of its section may float: 1 + log2 of the lattice steps that the words of its blocks count by; 0: nothing does.
     pub floats: u32,
     /// First word of its corners where its tops are a smooth surface; 0: they are not.
     pub corners: u32,
@@ -51,7 +50,7 @@ const _: () = {
         NODE_META,
         NODE_PYRAMID,
         NODE_BASE,
-        NODE_WIDE,
+        NODE_FORM,
         NODE_BESIDE,
         NODE_FLOATS,
         NODE_CORNERS,
@@ -64,7 +63,7 @@ const _: () = {
         offset_of!(Node, meta),
         offset_of!(Node, pyramid),
         offset_of!(Node, base),
-        offset_of!(Node, wide),
+        offset_of!(Node, form),
         offset_of!(Node, beside),
         offset_of!(Node, floats),
         offset_of!(Node, corners),
@@ -90,7 +89,7 @@ const UNUSED: Node = Node {
     meta: 0,
     pyramid: [0; 2],
     base: 0,
-    wide: 0,
+    form: 0,
     beside: [NO_NODE; 4],
     floats: 0,
     corners: 0,
@@ -112,10 +111,12 @@ pub struct Entry {
     pub detail: u8,
     /// Its pyramid's place.
     pub pyramid: [u32; 2],
-    /// How it stores heights.
-    pub code: HeightCode,
-    /// Something of it may float.
-    pub floats: bool,
+    /// Height of code 0.
+    pub base: Height,
+    /// How what is derived lies (see [`crate::section::Derived::form`]).
+    pub form: u32,
+    /// Where something of it may float: log2 lattice steps that the words of its blocks count by.
+    pub floats: Option<u32>,
     /// First word of its corners, where its tops are a smooth surface.
     pub corners: Option<u32>,
     /// Words from a span to what it is joined with, where its tops are a smooth surface.
@@ -200,9 +201,9 @@ impl Table {
                 meta: level | u32::from(e.detail) << META_DETAIL_SHIFT,
                 top: marked(top, TOP_SECTION),
                 pyramid: e.pyramid,
-                base: e.code.base.wrapping_sub(anchor.0),
-                wide: u32::from(e.code.wide),
-                floats: u32::from(e.floats),
+                base: e.base.0.wrapping_sub(anchor.0),
+                form: e.form,
+                floats: e.floats.map_or(0, |step_log2| 1 + step_log2),
                 corners: e.corners.unwrap_or(0),
                 joins: e.joins.unwrap_or(0),
                 ..UNUSED
@@ -248,7 +249,7 @@ impl Table {
         }
         Table {
             slots,
-            floats: entries.iter().any(|e| e.floats),
+            floats: entries.iter().any(|e| e.floats.is_some()),
             smooth: entries.iter().any(|e| e.corners.is_some()),
             top_level,
             section_level,
@@ -263,12 +264,13 @@ mod tests {
     use super::*;
     use crate::gpu::layout::{assert_in, members};
     use crate::resident::readers::readers_of_tables;
+    use crate::shared::payload::{FORM_FLOATS, FORM_WIDE};
 
     #[test]
     fn shaders_see_nodes_as_they_are_written() {
         assert_in(
             &readers_of_tables(),
-            &members!(Node { key, top, meta, pyramid, base, wide, beside, floats, corners, joins, pad }),
+            &members!(Node { key, top, meta, pyramid, base, form, beside, floats, corners, joins, pad }),
         );
         // Where they are texels, `node_word` counts words.
         let words = [
@@ -277,7 +279,7 @@ mod tests {
             std::mem::offset_of!(Node, meta),
             std::mem::offset_of!(Node, pyramid),
             std::mem::offset_of!(Node, base),
-            std::mem::offset_of!(Node, wide),
+            std::mem::offset_of!(Node, form),
             std::mem::offset_of!(Node, beside),
             size_of::<Node>(),
         ];
@@ -288,10 +290,11 @@ mod tests {
         Entry {
             key: SectionKey { level: 0, i, j },
             detail: 0,
-            code: HeightCode { base: 0, wide: false },
+            base: Height(0),
+            form: 0,
             pyramid: [i as u32, j as u32 & 0xFFFF],
             top: Height(top),
-            floats: false,
+            floats: None,
             corners: None,
             joins: None,
         }
@@ -339,16 +342,11 @@ mod tests {
         for (k, address) in
             [0xffff_8000_0000_1000u64, u64::MAX, 1 << 63, 0x7fff_0000_0000].into_iter().enumerate()
         {
-            for wide in [false, true] {
-                let code = HeightCode { base: 7, wide };
+            for form in [0, FORM_WIDE, FORM_FLOATS] {
                 let pyramid = [address as u32, (address >> 32) as u32];
-                let entry = Entry { pyramid, code, ..entry(k as i32, 0, 9) };
+                let entry = Entry { pyramid, base: Height(7), form, ..entry(k as i32, 0, 9) };
                 let node = find(&Table::build(&[entry], Height(0)), 8, [k as i32, 0]).unwrap();
-                assert_eq!(
-                    (node.pyramid, node.wide, node.base),
-                    (pyramid, u32::from(wide), 7),
-                    "{address:x}"
-                );
+                assert_eq!((node.pyramid, node.form, node.base), (pyramid, form, 7), "{address:x}");
             }
         }
     }

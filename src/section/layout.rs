@@ -200,23 +200,31 @@ impl Layout {
         bytes + 4 * u64::from(self.joins().unwrap_or(0))
     }
 
-    fn derived(&self) -> Derived {
-        Derived { wide: self.code.wide }
+    /// Where what is derived lies.
+    pub fn derived(&self) -> Derived {
+        Derived { wide: self.code.wide, floats: self.floats.is_some_and(|floats| floats.spans > 0) }
     }
 }
 
 /// Where what is derived of a section lies, in a place of its own: 64×64 blocks of 4×4 columns, row by row, then levels
-/// 2 to 8 of the maximum pyramid, row by row each; 16 or 32 bits a code. The table of [`crate::shared::payload`] is drawn in
+/// 2 to 8 of the maximum pyramid, row by row each; 16 or 32 bits a code. Where something may float, blocks have a word for each node. The table of [`crate::shared::payload`] is drawn in
 /// `docs/from-file-to-pixel.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Derived {
     /// Codes take 32 bits.
     pub wide: bool,
+    /// Something may float.
+    pub floats: bool,
 }
 
 impl Derived {
     /// Blocks on a side.
     pub const SIDE: u32 = 1 << payload::DERIVED_BLOCKS_LOG2;
+
+    /// As shaders and table nodes have it: `FORM_WIDE`, `FORM_FLOATS`.
+    pub fn form(self) -> u32 {
+        u32::from(self.wide) * payload::FORM_WIDE | u32::from(self.floats) * payload::FORM_FLOATS
+    }
 
     /// Words of a block: its level 0 of the pyramid, row by row, from word 0 on; level 1 behind it.
     pub fn block_words(self) -> u32 {
@@ -225,12 +233,12 @@ impl Derived {
 
     /// In blocks of even index: which columns of this and the next are measured, a bit each, row by row over both.
     pub fn measured(self) -> u32 {
-        payload::MEASURED << u32::from(self.wide)
+        if self.floats { payload::STACK_MEASURED } else { payload::MEASURED << u32::from(self.wide) }
     }
 
     /// What each column of the block shows: class, and colour or values, a word each, row by row.
     pub fn shown(self) -> u32 {
-        payload::SHOWN << u32::from(self.wide)
+        if self.floats { payload::STACK_SHOWN } else { payload::SHOWN << u32::from(self.wide) }
     }
 
     /// First word of the pyramid's levels from 2 on.
@@ -238,7 +246,7 @@ impl Derived {
         self.block_words() * Self::SIDE * Self::SIDE
     }
 
-    /// All bytes of columns.
+    /// All bytes but of what is behind the pyramid.
     pub fn bytes(self) -> u64 {
         let code_bytes = if self.wide { 4 } else { 2 };
         4 * u64::from(self.upper_levels()) + u64::from(payload::UPPER_CODES) * code_bytes
@@ -259,7 +267,7 @@ impl Derived {
         if self.wide { payload::SPAN_WORDS_WIDE } else { payload::SPAN_WORDS }
     }
 
-    /// Where runs may float: first word of what floats, which is that of the places of lists; a cache line's first.
+    /// Where runs may float: first word of what floats, behind the pyramid; a cache line's first.
     pub fn floats(self) -> u32 {
         ((self.bytes() / 4) as u32).next_multiple_of(LINE_WORDS)
     }
@@ -279,9 +287,9 @@ impl Derived {
         payload::SECTION_SIDE * payload::SECTION_SIDE * payload::CORNER_WORDS * self.code_words()
     }
 
-    /// All bytes of stacks: without runs that may float those of columns.
+    /// All bytes, those of what may float included.
     pub fn bytes_with(self, floats: Floats) -> u64 {
-        if floats.spans == 0 {
+        if !self.floats {
             return self.bytes();
         }
         4 * (u64::from(self.spans(floats)) + u64::from(floats.spans) * u64::from(self.span_words()))
@@ -321,18 +329,19 @@ mod tests {
     #[test]
     fn what_floats_lies_behind_the_pyramid() {
         let floats = Floats { spans: 1000, lists: 10 };
-        let derived = |wide| Derived { wide };
+        let derived = |wide| Derived { wide, floats: true };
         let starts = |d: Derived| [d.floats(), d.lists(), d.spans(floats)];
-        assert_eq!(starts(derived(false)), [133_808, 143_280, 143_760]);
-        assert_eq!(derived(false).bytes_with(floats), 4 * (143_760 + 2 * 1000));
-        assert_eq!(starts(derived(true)), [202_080, 211_552, 212_432]);
-        assert_eq!(derived(true).bytes_with(floats), 4 * (212_432 + 3 * 1000));
+        assert_eq!(starts(derived(false)), [166_576, 171_952, 172_392]);
+        assert_eq!(derived(false).bytes_with(floats), 4 * (172_392 + 2 * 1000));
+        assert_eq!(starts(derived(true)), [169_312, 174_688, 175_448]);
+        assert_eq!(derived(true).bytes_with(floats), 4 * (175_448 + 3 * 1000));
         for wide in [false, true] {
-            assert_eq!(derived(wide).bytes_with(Floats::default()), derived(wide).bytes());
+            let nothing = Derived { wide, floats: false };
+            assert_eq!(nothing.bytes_with(Floats::default()), nothing.bytes());
             assert_eq!(derived(wide).lists() % 16, 0);
         }
         // Of smooth surfaces what spans are joined with, as much again as these, and corners.
-        for (wide, joins, corners) in [(false, 2000, 147_760), (true, 3000, 218_432)] {
+        for (wide, joins, corners) in [(false, 2000, 176_400), (true, 3000, 181_456)] {
             let layout = Layout::new(1, 0, HeightCode { base: 0, wide }, Some(floats));
             assert_eq!((layout.joins(), layout.corners()), (None, None));
             let smooth = Layout { smooth: true, ..layout };

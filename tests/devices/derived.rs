@@ -9,7 +9,7 @@ use lasray::resident::pool::Access;
 use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::{ColumnData, Visibility};
 use lasray::section::{Columns, Derived, Payload, Surface, column_at};
-use lasray::shared::payload::{FLOAT_MEANS, LIST_COUNTS, LIST_SPANS};
+use lasray::shared::payload::{FLOAT_MEANS, LIST_COUNTS, STACK_LIST, STACK_SPANS};
 use lasray::source::{FLAG_OVERLAP, FLAG_WITHHELD};
 use std::collections::BTreeMap;
 
@@ -145,7 +145,7 @@ fn check(scene: &mut Scene, sections: &[(SectionKey, Payload)], shown: Visibilit
     let mut bridged = 0;
     for (key, _) in sections {
         let ReadBack { layout, derived: words, .. } = scene.read_back(*key).unwrap().expect("live");
-        let derived = Derived { wide: layout.code.wide };
+        let derived = layout.derived();
         let code = |first: u32, k: usize| match derived.wide {
             true => words[first as usize + k],
             false => words[first as usize + k / 2] >> (16 * (k % 2)) & 0xFFFF,
@@ -306,7 +306,7 @@ fn codes_span_all_heights() {
 /// What is derived of a section of stacks, as far as passes under `shown` write it, and how many spans float.
 fn written(scene: &mut Scene, key: SectionKey, shown: &Visibility) -> (Vec<u32>, u32) {
     let ReadBack { layout, derived: mut words, .. } = scene.read_back(key).unwrap().expect("live");
-    let derived = Derived { wide: layout.code.wide };
+    let derived = layout.derived();
     let floats = layout.floats.expect("stacks");
     // Means are for bridges.
     if shown.bridge == 0 {
@@ -316,9 +316,13 @@ fn written(scene: &mut Scene, key: SectionKey, shown: &Visibility) -> (Vec<u32>,
     let (lists, spans) = (derived.lists() as usize, derived.spans(floats) as usize);
     let rest = words.split_off(spans);
     let (mut of_spans, mut counted) = (Vec::<u32>::new(), 0);
-    for list in words[lists..].chunks_exact(derived.list_words() as usize) {
-        let list = &list[1 + usize::from(derived.wide)..];
-        let from = (list[LIST_SPANS as usize] as usize).checked_sub(spans).expect("every list is written");
+    for block in words[..derived.upper_levels() as usize].chunks_exact(derived.block_words() as usize) {
+        let [list, from] = [STACK_LIST, STACK_SPANS].map(|word| block[word as usize] as usize);
+        if list == 0 {
+            continue;
+        }
+        assert!(list >= lists && from >= spans, "every list is written");
+        let (list, from) = (&words[list..], from - spans);
         let counts = &list[LIST_COUNTS as usize..LIST_COUNTS as usize + 4];
         let count: u32 = counts.iter().flat_map(|word| word.to_le_bytes()).map(u32::from).sum();
         of_spans.extend(&rest[from..from + (count * derived.span_words()) as usize]);

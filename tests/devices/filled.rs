@@ -12,7 +12,8 @@ use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::{ColumnData, Visibility};
 use lasray::section::{Columns, Derived, Layout, Payload, Surface, column_at};
 use lasray::shared::payload::{
-    FLOAT_LISTS, FLOAT_MEANS, LIST_CODES, LIST_COUNTS, LIST_ROWS, LIST_SOLID, LIST_SPANS, LIST_TOP,
+    FLOAT_MEANS, LIST_CODES, LIST_COUNTS, LIST_ROWS, LIST_SOLID, LIST_TOP, STACK_LEVEL_1, STACK_LEVEL_2,
+    STACK_LIST, STACK_SPANS,
 };
 use lasray::source::{FLAG_OVERLAP, FLAG_WITHHELD};
 
@@ -319,7 +320,11 @@ impl Found {
     }
 
     fn list(&self, block: usize) -> u32 {
-        self.word(self.derived.floats() + FLOAT_LISTS + block as u32)
+        self.in_block(block, STACK_LIST)
+    }
+
+    fn in_block(&self, block: usize, word: u32) -> u32 {
+        self.word(block as u32 * self.derived.block_words() + word)
     }
 }
 
@@ -343,13 +348,14 @@ fn check(
         let ReadBack { layout, derived: words, .. } = scene.read_back(host.key).unwrap().expect("live");
         let what = format!("{shown:?}, {:?}", host.key);
         assert_eq!(layout.code, host.layout.code, "{what}");
-        let found = Found { words, derived: Derived { wide: layout.code.wide } };
+        let found = Found { words, derived: layout.derived() };
         let measured = host.measured();
         let means = means_of(&measured);
         let distance = distances(&measured.iter().map(|code| *code != 0).collect::<Vec<_>>());
         let blocks = InBlocks::of(host);
         let mut solid = vec![0; SECTION_COLUMNS];
         let mut level: Vec<u32> = vec![0; SECTION_COLUMNS];
+        let mut nodes = vec![Node::default(); SECTION_COLUMNS];
         for at in 0..SECTION_COLUMNS {
             let (x, y) = (at % SIDE, at / SIDE);
             let (column, block) = (&host.columns[at], y / 4 * BLOCKS + x / 4);
@@ -397,13 +403,20 @@ fn check(
             assert_eq!(found.word(first + derived.shown() + inner as u32), shows, "shown: {what}");
             solid[at] = code;
             level[at] = code.max(column.floating.first().map_or(0, |(top, ..)| host.code(*top)));
-            assert_eq!(found.code(first, inner), level[at], "level 0: {what}");
+            nodes[at] = Node::of(host, column, code);
+            assert_eq!(level[at], nodes[at].top);
+            nodes[at].check(
+                &found,
+                found.in_block(block, inner as u32),
+                host.key.level,
+                &format!("level 0: {what}"),
+            );
         }
         check_lists(host, &found, &solid, &what);
         if shown.bridge > 0 {
             check_means(&found, &means, &what);
         }
-        check_pyramid(host, &found, level, &blocks.float, &what);
+        check_pyramid(host, &found, nodes, &what);
     }
     counted
 }
@@ -439,13 +452,9 @@ fn check_lists(host: &Host, found: &Found, solid: &[u32], what: &str) {
             );
             continue;
         }
-        let from = list + 1 + wide;
+        let from = list;
         let all = || spans.iter().copied().flatten();
         let top = all().map(|(top, ..)| host.code(*top)).max().unwrap_or(0);
-        let no_bottom = if derived.wide { u32::MAX } else { 0xFFFF };
-        let bottom = all().map(|(_, bottom, _)| host.code(*bottom)).min().unwrap_or(no_bottom);
-        let highest = columns.iter().map(|&at| solid[at]).max().expect("16 columns");
-        assert_eq!([found.code(list, 0), found.code(list, 1)], [highest, bottom], "{what}: solid, bottom");
         assert_eq!(found.word(from + LIST_TOP), top, "{what}: top");
         let counts: Vec<u32> = spans.iter().map(|spans| spans.len() as u32).collect();
         let words: &[u32] = &found.words[(from + LIST_COUNTS) as usize..][..4];
@@ -459,7 +468,7 @@ fn check_lists(host: &Host, found: &Found, solid: &[u32], what: &str) {
             let lowest = host.columns[at].lowest.map_or(0, |lowest| host.code(lowest));
             assert_eq!([code(0), code(1)], [solid[at], lowest], "{what}, column {k}: solid and lowest");
         }
-        let start = found.word(from + LIST_SPANS);
+        let start = found.in_block(block, STACK_SPANS);
         for (k, &(top, bottom, shows)) in all().enumerate() {
             let at = start + k as u32 * derived.span_words();
             let span = [found.code(at, 0), found.code(at, 1), found.word(at + 1 + wide)];
@@ -474,51 +483,79 @@ fn check_lists(host: &Host, found: &Found, solid: &[u32], what: &str) {
     assert_eq!(ends, [true; 2], "{what}: spans lie elsewhere");
 }
 
-/// Levels 1 to 8 above `level`, which is level 0. The first two are rounded up, their last bit says whether anything floats.
-fn check_pyramid(host: &Host, found: &Found, mut level: Vec<u32>, floats: &[bool], what: &str) {
-    let most = if found.derived.wide { u32::MAX } else { 0xFFFF };
-    let mark = |code: u32, any: bool| match any {
-        true => code | 1,
-        false => {
-            if code == most {
-                code
-            } else {
-                code + code % 2
-            }
+/// What a node holds, codes: the highest thing, the highest that is solid (0: nothing is), the lowest bottom of what floats.
+#[derive(Clone, Copy, Default)]
+struct Node {
+    top: u32,
+    solid: u32,
+    bottom: Option<u32>,
+}
+
+impl Node {
+    fn of(host: &Host, column: &Column, solid: u32) -> Node {
+        let floating = column.floating.first().map_or(0, |(top, ..)| host.code(*top));
+        let bottom = column.floating.iter().map(|(_, bottom, _)| host.code(*bottom)).min();
+        Node { top: solid.max(floating), solid, bottom }
+    }
+
+    fn around(self, other: Node) -> Node {
+        Node {
+            top: self.top.max(other.top),
+            solid: self.solid.max(other.solid),
+            bottom: self.bottom.into_iter().chain(other.bottom).min(),
         }
-    };
-    let max_of_four = |codes: &[u32]| -> Vec<u32> {
-        let side = codes.len().isqrt();
-        let max = |k: usize| codes[k].max(codes[k + 1]).max(codes[k + side]).max(codes[k + side + 1]);
-        (0..codes.len() / 4).map(|k| max(k / (side / 2) * 2 * side + k % (side / 2) * 2)).collect()
-    };
+    }
+
+    /// Checks the word of a node of a block: what it says of what is solid and of what floats is as near as its steps let it be, the
+    /// latter made of what those of columns say.
+    fn check(self, found: &Found, word: u32, level: u8, what: &str) {
+        if found.derived.wide {
+            assert_eq!(word, self.top, "{what}");
+            return;
+        }
+        let [top, solid, bottom] = [word & 0xFFFF, word >> 16 & 0xFF, word >> 24];
+        assert_eq!(top, self.top, "{what}");
+        let Some(lowest) = self.bottom else {
+            assert_eq!([solid, bottom], [0; 2], "{what}: nothing floats");
+            return;
+        };
+        // Half a gap, which doubles with each level.
+        let step = (GAP as u32 / 2) << level;
+        assert_eq!(solid, ((top - self.solid) / step).min(255), "{what}: solid");
+        let exact = (top - lowest).div_ceil(step).max(1);
+        assert!(
+            (exact.min(255)..=(exact + 1).min(255)).contains(&bottom),
+            "{what}: bottom {bottom}, not {exact}"
+        );
+    }
+}
+
+/// Levels 1 to 8 above `nodes`, which are level 0.
+fn check_pyramid(host: &Host, found: &Found, mut nodes: Vec<Node>, what: &str) {
     let mut side = SIDE;
     for number in 1..=8 {
-        level = max_of_four(&level);
         side /= 2;
-        let marked: Vec<u32> = (0..side * side)
-            .map(|k| match number {
-                1 => {
-                    let first = k / side * 2 * SIDE + k % side * 2;
-                    let columns = [first, first + 1, first + SIDE, first + SIDE + 1];
-                    mark(level[k], columns.iter().any(|&at| !host.columns[at].floating.is_empty()))
-                }
-                2 => mark(level[k], floats[k]),
-                _ => level[k],
+        nodes = (0..side * side)
+            .map(|k| (k / side * 2 * 2 * side) + k % side * 2)
+            .map(|k| {
+                nodes[k].around(nodes[k + 1]).around(nodes[k + 2 * side]).around(nodes[k + 2 * side + 1])
             })
             .collect();
-        let node = |k: usize| {
+        for (k, node) in nodes.iter().enumerate() {
             let (x, y) = (k % side, k / side);
-            let block = |x: usize, y: usize| (y / 2 * BLOCKS + x / 2) as u32 * found.derived.block_words();
+            let what = || format!("{what}: node {x}, {y} of level {number}");
             match number {
-                1 => found.code(block(x, y), 16 + y % 2 * 2 + x % 2),
-                _ => found.code(found.derived.upper_levels(), (0x4000 - 4 * side * side) / 3 + k),
+                1 => {
+                    let word = STACK_LEVEL_1 + (y % 2 * 2 + x % 2) as u32;
+                    node.check(found, found.in_block(y / 2 * BLOCKS + x / 2, word), host.key.level, &what());
+                }
+                2 => node.check(found, found.in_block(k, STACK_LEVEL_2), host.key.level, &what()),
+                _ => {}
             }
-        };
-        let wrong = (0..side * side).find(|&k| node(k) != marked[k]).map(|k| (k, node(k), marked[k]));
-        assert_eq!(wrong, None, "{what}: node of level {number}, found and wanted");
-        if number == 2 {
-            level = marked;
+            if number > 1 {
+                let code = found.code(found.derived.upper_levels(), (0x4000 - 4 * side * side) / 3 + k);
+                assert_eq!(code, node.top, "{}", what());
+            }
         }
     }
 }
@@ -609,13 +646,11 @@ fn ground_goes_on_beneath_crowns_and_ends() {
             assert!(scene.upload(key(0, 0), &packed).unwrap());
             scene.settle().unwrap();
             let ReadBack { layout, derived: words, .. } = scene.read_back(key(0, 0)).unwrap().expect("live");
-            let derived = Derived { wide: layout.code.wide };
-            let found = Found { words, derived };
+            let found = Found { words, derived: layout.derived() };
             let level = (9000 - layout.code.base) as u32;
             for (x, y) in (0..SIDE).flat_map(|y| (0..SIDE).map(move |x| (x, y))) {
                 let list = found.list(y / 4 * BLOCKS + x / 4);
-                let solids = list + 1 + u32::from(derived.wide) + LIST_SOLID;
-                let code = found.code(solids, y % 4 * 4 + x % 4);
+                let code = found.code(list + LIST_SOLID, y % 4 * 4 + x % 4);
                 let reach = x.saturating_sub(ground as usize);
                 let is_filled = reach <= 16 || code != 0;
                 assert_eq!(code, if is_filled { level } else { 0 }, "{ground}: column {x}, {y}");

@@ -13,7 +13,8 @@ use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::Visibility;
 use lasray::section::{Derived, Surface};
 use lasray::shared::payload::{
-    END_STEP, JOINED_ABOVE, LIST_COUNTS, LIST_SOLID, LIST_SPANS, SPAN_CORNER_STEP, UPRIGHT,
+    END_STEP, JOINED_ABOVE, LIST_COUNTS, LIST_SOLID, SPAN_CORNER_STEP, STACK_LEVEL_1, STACK_LIST,
+    STACK_SPANS, UPRIGHT,
 };
 use std::collections::HashMap;
 
@@ -35,7 +36,6 @@ struct Words {
     base: i32,
     corners: u32,
     /// Something may float.
-    floats: bool,
     /// Words from a span to what it is joined with.
     joins: u32,
 }
@@ -51,11 +51,10 @@ struct Steps {
 impl Words {
     fn of(scene: &mut Scene, key: SectionKey) -> Words {
         let ReadBack { layout, derived: words, .. } = scene.read_back(key).unwrap().expect("live");
-        let derived = Derived { wide: layout.code.wide };
+        let derived = layout.derived();
         let corners = layout.corners().expect("smooth");
-        let floats = layout.floats.is_some_and(|floats| floats.spans > 0);
         let joins = layout.joins().unwrap_or(0);
-        Words { words, derived, base: layout.code.base, corners, floats, joins }
+        Words { words, derived, base: layout.code.base, corners, joins }
     }
 
     fn code(&self, first: u32, k: u32) -> u32 {
@@ -68,6 +67,14 @@ impl Words {
     /// Of a node of a level of the pyramid.
     fn node(&self, level: u32, [x, y]: [u32; 2]) -> u32 {
         let block = |x: u32, y: u32| (y / 4 * Derived::SIDE + x / 4) * self.derived.block_words();
+        if self.derived.floats && level < 2 {
+            let (block, inner) = match level {
+                0 => (block(x, y), y % 4 * 4 + x % 4),
+                _ => (block(2 * x, 2 * y), STACK_LEVEL_1 + y % 2 * 2 + x % 2),
+            };
+            let word = self.words[(block + inner) as usize];
+            return if self.derived.wide { word } else { word & 0xFFFF };
+        }
         match level {
             0 => self.code(block(x, y), y % 4 * 4 + x % 4),
             1 => self.code(block(2 * x, 2 * y), 16 + y % 2 * 2 + x % 2),
@@ -78,33 +85,30 @@ impl Words {
         }
     }
 
+    /// A word of a column's block, where something may float; 0 elsewhere.
+    fn in_block(&self, [x, y]: [u32; 2], word: u32) -> u32 {
+        let block = (y / 4 * Derived::SIDE + x / 4) * self.derived.block_words();
+        if self.derived.floats { self.words[(block + word) as usize] } else { 0 }
+    }
+
     /// Of what is solid of a column: in its block's list, where there is one.
     fn solid(&self, [x, y]: [u32; 2]) -> u32 {
-        let block = y / 4 * Derived::SIDE + x / 4;
-        let list = if self.floats { self.words[(self.derived.floats() + block) as usize] } else { 0 };
-        match list {
+        match self.in_block([x, y], STACK_LIST) {
             0 => self.node(0, [x, y]),
-            at => {
-                let wide = u32::from(self.derived.wide);
-                let solids = at + 1 + wide + LIST_SOLID;
-                self.code(solids, y % 4 * 4 + x % 4)
-            }
+            list => self.code(list + LIST_SOLID, y % 4 * 4 + x % 4),
         }
     }
 
     /// First words of the spans of a column.
     fn spans(&self, [x, y]: [u32; 2]) -> Vec<u32> {
-        let block = y / 4 * Derived::SIDE + x / 4;
-        let list = if self.floats { self.words[(self.derived.floats() + block) as usize] } else { 0 };
+        let list = self.in_block([x, y], STACK_LIST);
         if list == 0 {
             return Vec::new();
         }
-        let head = list + 1 + u32::from(self.derived.wide);
-        let word = |at: u32| self.words[at as usize];
-        let count = |k: u32| word(head + LIST_COUNTS + k / 4) >> (8 * (k % 4)) & 0xFF;
+        let count = |k: u32| self.words[(list + LIST_COUNTS + k / 4) as usize] >> (8 * (k % 4)) & 0xFF;
         let inner = y % 4 * 4 + x % 4;
         let first: u32 = (0..inner).map(count).sum();
-        let at = |k: u32| word(head + LIST_SPANS) + k * self.derived.span_words();
+        let at = |k: u32| self.in_block([x, y], STACK_SPANS) + k * self.derived.span_words();
         (first..first + count(inner)).map(at).collect()
     }
 
@@ -205,9 +209,7 @@ fn check(scene: &mut Scene, keys: &[SectionKey], steps: Steps, what: &str) {
                 .collect();
             for (x, y) in (0..side).flat_map(|y| (0..side).map(move |x| (x, y))) {
                 let (want, found) = (bounds[(y * side + x) as usize], section.node(level, [x, y]));
-                // Rounded up to say whether anything floats.
-                let is_right = found == want || section.floats && found == want + 1;
-                assert!(is_right, "{what}, {key:?}, level {level}: {x}, {y}: {found}, not {want}");
+                assert!(found == want, "{what}, {key:?}, level {level}: {x}, {y}: {found}, not {want}");
             }
         }
     }

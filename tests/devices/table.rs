@@ -4,7 +4,6 @@ use super::common::{self, LAVAPIPE, SWIFTSHADER};
 use lasray::coords::{Height, SectionKey};
 use lasray::gpu::{BindingKind, Buffer, BufferCopy, ComputePipeline, Gpu, MemoryKind, Order};
 use lasray::resident::table::{Entry, Node, Table};
-use lasray::section::HeightCode;
 
 #[allow(dead_code)] // each test binary uses its part
 mod shaders {
@@ -28,13 +27,14 @@ fn table() -> (Vec<Entry>, Table) {
         .map(|k| {
             let address = ADDRESSES[k as usize % ADDRESSES.len()] ^ (k as u64) << 8;
             Entry {
-                floats: false,
+                floats: None,
                 corners: None,
                 joins: None,
                 key: SectionKey { level: 0, i: k % 7, j: k / 7 },
                 detail: 0,
                 pyramid: [address as u32, (address >> 32) as u32],
-                code: HeightCode { base: -1000 * k, wide: k % 3 == 0 },
+                base: Height(-1000 * k),
+                form: u32::from(k % 3 == 0),
                 top: Height(100 * k),
             }
         })
@@ -92,11 +92,11 @@ fn places_keep_all_their_bits() {
                 .iter()
                 .map(|e| {
                     let [x, y] = e.pyramid;
-                    let base = e.code.base.wrapping_sub(50) as u32;
-                    [x, y, base, u32::from(e.code.wide)]
+                    let base = e.base.0.wrapping_sub(50) as u32;
+                    [x, y, base, e.form]
                 })
                 .collect();
-            let of = |node: &Node| [node.pyramid[0], node.pyramid[1], node.base as u32, node.wide];
+            let of = |node: &Node| [node.pyramid[0], node.pyramid[1], node.base as u32, node.form];
             let on_host: Vec<_> = table.slots.iter().map(of).collect();
             assert!(named.iter().all(|section| on_host.contains(section)));
             let variants: [(&'static [u32], Kinds); 3] = [

@@ -10,5 +10,5 @@ layout(local_size_x_id = 0) in;
 void main() {
     uint slot = gl_GlobalInvocationID.x;
     if (slot > frame.table_mask) return;
-    HIT[slot] = uvec4(node_pyramid(slot), uint(node_base(slot)), node_wide(slot));
+    HIT[slot] = uvec4(node_pyramid(slot), uint(node_base(slot)), node_form(slot));
 }
