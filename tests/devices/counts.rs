@@ -161,7 +161,7 @@ fn what_was_counted_is_known_when_it_is_opened_again() {
         drop(again);
         // What is kept may be wrong: what is counted counts.
         let file = lasray::source::LidarFile::open(&path).unwrap();
-        let wrong = all.of.iter().map(|(kind, n)| (*kind, n / 2)).collect();
+        let wrong = all.of.iter().map(|(kind, n)| (*kind, n.div_ceil(2))).collect();
         let unknown = vec![None; file.chunks.len()];
         cache.save_all(&file, &unknown, &wrong).unwrap();
         let mut seen = open();

@@ -572,8 +572,8 @@ fn stacks_are_derived_as_specified() {
                 (ClassMask::only(&[0, 1, 2, 12, 200]), Flags::NONE, 1, true, ColumnData::Values),
                 (ClassMask::default().without(&[5]), Flags::WITHHELD, 0, true, ColumnData::Colors),
                 (ClassMask::only(&[99]), Flags::WITHHELD, 4, false, ColumnData::Colors),
-                (ClassMask::all(), Flags::OVERLAP, 4, true, ColumnData::Colors),
-                (ClassMask::default(), Flags::ALL, 4, true, ColumnData::Values),
+                (ClassMask::all(), Flags::OVERLAP, 4, true, ColumnData::Values),
+                (ClassMask::default(), Flags::ALL, 4, true, ColumnData::Colors),
             ] {
                 let shown = Visibility { classes, hidden_flags, bridge, near_ties };
                 scene.set_visibility(shown).unwrap();
