@@ -168,7 +168,7 @@ mod tests {
         for points in [0, 1, 3, 4, 1003] {
             let class: Vec<u8> = (0..points).map(|k| (k % 7) as u8 * 40).collect();
             // A scanner's channel is above them.
-            let flags: Vec<u8> = (0..points).map(|k| (k % 5) as u8 * 3 | 0x10).collect();
+            let flags: Vec<u8> = (0..points).map(|k| 0x10 | ((k % 5) as u8 * 3)).collect();
             let mut slow = BTreeMap::new();
             for (class, flags) in class.iter().zip(&flags) {
                 *slow.entry((*class, Flags::of(flags & 0xF))).or_default() += 1;

@@ -282,6 +282,8 @@ fn masks_are_filters_of_real_files() {
             ("urban/fusa.laz", 0.5),
             ("forest/MixedConifer.laz", 0.5),
             ("autzen/autzen_trim.laz", 4.0),
+            // Key-points.
+            ("urban/multitile_ign/test_data_77055_627755_LA93_IGN69.laz", 0.5),
         ];
         let wrong: Vec<_> = files
             .into_iter()
