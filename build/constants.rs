@@ -46,7 +46,7 @@ group! { payload:
     /// A section's side in columns.
     SECTION_SIDE = 1 << SECTION_LOG2;
 
-    /// Words of a run: the record of a column's best point of one class.
+    /// Words of a run: the record of a column's best point of one kind.
     RUN_WORDS = 3;
     /// Bit of a run's first word, its height, that is turned: heights compare as unsigned numbers, and 0 is no point.
     HEIGHT_SIGN = 0x8000_0000;

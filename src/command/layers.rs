@@ -14,8 +14,8 @@ pub(super) struct LayerArgs {
     /// Show withheld points
     #[arg(long, help_heading = "Layers")]
     withheld: bool,
-    /// Hide points with any of these flags: overlap, synthetic, key-point (withheld ones are hidden unless asked for; point
-    /// formats 0 to 5 have no flag for overlap, but class 12: --hide 12)
+    /// Hide points with any of these flags: overlap, synthetic, key-point (withheld ones are hidden unless --withheld is given;
+    /// point formats 0 to 5 have no flag for overlap, but class 12: --hide 12)
     #[arg(long, value_parser = flags, help_heading = "Layers", value_name = "LIST")]
     hide_flags: Option<Flags>,
 }
