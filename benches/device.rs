@@ -3,7 +3,7 @@
 //! `cargo bench --bench device [-- FILTER]`; the device is the one that `lasray` takes.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use lasray::attribute::{Attributes, ClassMask, ColorTable, Record};
+use lasray::attribute::{Attributes, ClassMask, ColorTable, Flags, Record};
 use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_SIDE, SectionKey};
 use lasray::gpu::{Gpu, GpuOptions, Order, QueueKind, Timestamps};
 use lasray::ingest::bins::Budget;
@@ -26,8 +26,12 @@ const SECTIONS_SIDE: i32 = 4;
 
 const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
 
-const SHOWN: fn(u32) -> Visibility =
-    |bridge| Visibility { classes: ClassMask::default(), withheld: false, bridge, near_ties: false };
+const SHOWN: fn(u32) -> Visibility = |bridge| Visibility {
+    classes: ClassMask::default(),
+    hidden_flags: Flags::WITHHELD,
+    bridge,
+    near_ties: false,
+};
 
 /// Two points a cell: one column in eight is empty, one in four has a second class.
 fn section(seed: u32) -> Payload {

@@ -5,7 +5,7 @@
 
 use anyhow::Context;
 use clap::Parser;
-use lasray::attribute::ColorTable;
+use lasray::attribute::{ColorTable, Flags};
 use lasray::bench::pool::{self, BUDGET};
 use lasray::bench::steady::{Repeats, WarmUp};
 use lasray::gpu::{Gpu, GpuOptions, QueueKind, Timestamps};
@@ -78,7 +78,8 @@ fn drawn(gpu: &Gpu, args: &Args, files: &[PathBuf], surface: Surface) -> anyhow:
     };
     let mut problems = Problems::default();
     let Loaded { grid, about, sections, .. } = load::paths(files, &options, &mut problems)?;
-    let visibility = Visibility { classes: Default::default(), withheld: false, bridge: 4, near_ties: true };
+    let visibility =
+        Visibility { classes: Default::default(), hidden_flags: Flags::WITHHELD, bridge: 4, near_ties: true };
     let budget = gpu.bytes_for_sections(BUDGET);
     let mut scene = Scene::new(gpu, |order| order, Access::best(gpu, budget / 2), budget, visibility, grid)?;
     let layouts: Vec<Layout> = sections.iter().map(|(_, columns)| columns.layout()).collect();

@@ -46,7 +46,7 @@ group! { payload:
     /// A section's side in columns.
     SECTION_SIDE = 1 << SECTION_LOG2;
 
-    /// Words of a run: the record of a column's best point of one class.
+    /// Words of a run: the record of a column's best point of one kind.
     RUN_WORDS = 3;
     /// Bit of a run's first word, its height, that is turned: heights compare as unsigned numbers, and 0 is no point.
     HEIGHT_SIGN = 0x8000_0000;
@@ -60,9 +60,8 @@ group! { payload:
     RUN_BLUE_SHIFT = 16;
     /// Return number and count; flags are the lowest byte.
     RUN_RETURNS_SHIFT = 8;
-    /// Flag of a withheld point (LAS 1.4 R15, table 9).
-    FLAG_WITHHELD = 4;
-    /// Flags that keep points of stacks apart: synthetic, key-point, withheld, overlap.
+    /// Those flags that show and hide points beside their class, and keep runs apart: synthetic 1, key-point 2, withheld 4, overlap 8
+    /// (LAS 1.4 R15, table 9).
     KEY_FLAGS = 15;
 
     /// Words of the header of what is uploaded.
@@ -565,7 +564,7 @@ pub fn drawing() -> String {
     line(bits(2, [RUN_GREEN_SHIFT, 8]), "green");
     line(bits(2, [RUN_BLUE_SHIFT, 8]), "blue");
     line(bits(2, [RUN_RETURNS_SHIFT, 8]), "return number, count << 4");
-    line(bits(2, [0, 8]), &format!("flags; {FLAG_WITHHELD}: withheld"));
+    line(bits(2, [0, 8]), "flags; 1: synthetic, 2: key-point, 4: withheld, 8: overlap");
     line(nothing(), "");
 
     // Where codes are narrow, and where they are wide.

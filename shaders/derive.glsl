@@ -22,10 +22,10 @@ struct Job {
 };
 
 struct Derive {
-    uint visible[8];          // bit per class: shown
-    uint visible_withheld[8]; // the same for points with the withheld flag
-    uint bridge;              // longest gap to bridge, cells; 0: none
-    uint values;              // columns show intensity and returns instead of colours
+    uint visible[8];   // bit per class: shown
+    uint hidden_flags; // bit per flag of KEY_FLAGS: points that have it are hidden
+    uint bridge;       // longest gap to bridge, cells; 0: none
+    uint values;       // columns show intensity and returns instead of colours
 };
 
 #ifdef POOL_SSBO

@@ -7,7 +7,7 @@ uvec2 place, derived;
 uint base; // lattice height of code 0
 bool values;
 uvec4 visible_low, visible_high;
-bool show_withheld;
+uint hidden_flags;
 uint tie; // see Job
 
 // Sets the above for a job.
@@ -22,10 +22,7 @@ void begin_runs(uint job) {
     if (ALL) return;
     visible_low = uvec4(DERIVE.visible[0], DERIVE.visible[1], DERIVE.visible[2], DERIVE.visible[3]);
     visible_high = uvec4(DERIVE.visible[4], DERIVE.visible[5], DERIVE.visible[6], DERIVE.visible[7]);
-    // Withheld points are shown as the others, or not at all.
-    uint any_withheld = 0u;
-    for (int w = 0; w < 8; w++) any_withheld |= DERIVE.visible_withheld[w];
-    show_withheld = any_withheld != 0u;
+    hidden_flags = DERIVE.hidden_flags;
 }
 
 uvec3 run_at(uint at) { return uvec3(pool_load(place, at), pool_load(place, at + 1u), pool_load(place, at + 2u)); }
@@ -37,7 +34,7 @@ bool shown(uvec3 run) {
     uvec4 some = class_ < 128u ? visible_low : visible_high;
     uvec2 pair = (class_ & 64u) == 0u ? some.xy : some.zw;
     uint word = (class_ & 32u) == 0u ? pair.x : pair.y;
-    return (word >> (class_ & 31u) & 1u) != 0u && (show_withheld || (run.z & FLAG_WITHHELD) == 0u);
+    return (word >> (class_ & 31u) & 1u) != 0u && (run.z & hidden_flags) == 0u;
 }
 
 // As `tells_nothing` in src/attribute/class.rs.

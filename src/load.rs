@@ -1,7 +1,7 @@
 //! From inputs to sections: open, choose once for all files, read and bin. What every command starts with.
 
 use crate::attribute::{
-    AttributeSample, AttributeSummary, Attributes, Channel, ColorMode, Kinds, Spread, TimeScale,
+    AttributeSample, AttributeSummary, Attributes, Channel, ColorMode, Flags, Kinds, Spread, TimeScale,
 };
 use crate::coords::{
     Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, Hull, LowSurface, Outline, SectionKey, Slab, height_step,
@@ -574,6 +574,7 @@ impl Meaning for Scan {
 #[derive(Default)]
 struct ScanSample {
     attributes: AttributeSample,
+    kinds: Kinds,
     places: Vec<DVec3>,
     source_ids: BTreeMap<u16, u64>,
     angles: Vec<f64>,
@@ -588,6 +589,7 @@ impl ScanSample {
                 && !sample::hidden_by_default(block.class[i], block.flags[i])
             {
                 self.places.push(place);
+                self.kinds.insert((block.class[i], Flags::of(block.flags[i])));
                 *self.source_ids.entry(block.source_id[i]).or_default() += 1;
                 self.angles.push(f64::from(block.scan_angle[i]) * 0.006);
                 self.attributes.push(Attributes {
@@ -675,7 +677,7 @@ pub fn tiles_of(
         });
     });
     let sampled = sampled.into_inner().unwrap_or_else(|e| e.into_inner());
-    let ScanSample { attributes, mut places, source_ids, angles } = sampled;
+    let ScanSample { attributes, kinds, mut places, source_ids, angles } = sampled;
     if places.is_empty() && !selection.is_all() {
         return Err(LoadError::NoneSelected(selection.words()));
     }
@@ -702,7 +704,7 @@ pub fn tiles_of(
         bounds,
         outline: Outline::new(hull, LowSurface::of(&bounds, &places), cell),
         outline_of_all: None,
-        kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),
+        kinds,
         summary,
         color: ColorMode::Rgb,
         crs: None,

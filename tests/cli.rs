@@ -5,7 +5,7 @@ mod made;
 mod outputs;
 mod typed;
 
-use lasray::source::LidarFile;
+use lasray::source::{FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, LidarFile};
 use made::{Made, Packing, data_dir, lidar_files};
 use std::ffi::{OsStr, OsString};
 use std::fs;
@@ -566,6 +566,10 @@ fn wrong_arguments() {
         (&["--classes", "256"], "class 256 is out of range: classes are 0 to 255"),
         (&["--classes", "7-3"], "7 is above 3"),
         (&["--hide", "gorund"], "'gorund' is not a class"),
+        (
+            &["--hide-flags", "overlap,noise"],
+            "'noise' is not a flag: those are withheld, overlap, synthetic, key-point",
+        ),
         (&["--range", "5,1"], "5 is not below 1"),
         (&["--range", "NaN,1"], "'NaN' is not finite"),
         (&["--range", "5..1"], "5 is not below 1"),
@@ -659,11 +663,11 @@ fn what_is_selected_is_drawn_or_said_to_be_nothing() {
 }
 
 /// A path of three frames and some that are none, with `more`.
-/// Points of these kinds, by turns: class, and whether they are withheld.
-fn of_kinds(kinds: &[(u8, bool)]) -> Vec<u8> {
+/// Points of these kinds, by turns: class, and flags.
+fn of_kinds(kinds: &[(u8, u8)]) -> Vec<u8> {
     let mut made = Made::new(6, Packing::Fixed(200), 300);
-    for (record, &(class, withheld)) in made.records.chunks_mut(30).zip(kinds.iter().cycle()) {
-        record[15..17].copy_from_slice(&[u8::from(withheld) << 2, class]);
+    for (record, &(class, flags)) in made.records.chunks_mut(30).zip(kinds.iter().cycle()) {
+        record[15..17].copy_from_slice(&[flags, class]);
     }
     made.bytes()
 }
@@ -672,29 +676,35 @@ fn of_kinds(kinds: &[(u8, bool)]) -> Vec<u8> {
 #[test]
 fn hidden_points_are_said_to_be_hidden() {
     type Words = &'static [&'static str];
-    type Kinds = &'static [(u8, bool)];
-    let cases: [(Kinds, Words, &'static str, Words); 5] = [
-        (&[(2, true)], &[], "every point is withheld (--withheld shows them)", &["--withheld"]),
+    type Kinds = &'static [(u8, u8)];
+    let cases: [(Kinds, Words, &'static str, Words); 6] = [
+        (&[(2, FLAG_WITHHELD)], &[], "every point is withheld (--withheld shows them)", &["--withheld"]),
         (
-            &[(7, false), (18, false)],
+            &[(7, 0), (18, 0)],
             &[],
             "no point is of a class that is shown; there are 7,18 (--classes 7,18 shows them)",
             &["--classes", "7,18"],
         ),
         (
-            &[(2, false), (6, false)],
+            &[(2, 0), (6, 0)],
             &["--classes", "9"],
             "there are 2,6 (--classes 2,6 shows them)",
             &["--classes", "2,6"],
         ),
         (
-            &[(7, true)],
+            &[(7, FLAG_WITHHELD)],
             &[],
             "every point is both withheld and of such a class (--withheld --classes 7 shows them)",
             &["--withheld", "--classes", "7"],
         ),
         (
-            &[(2, true), (7, false)],
+            &[(2, FLAG_OVERLAP), (6, FLAG_SYNTHETIC)],
+            &["--hide-flags", "synthetic,overlap"],
+            "flagged overlap or flagged synthetic (--hide-flags without overlap,synthetic shows them)",
+            &["--hide-flags", "key-point"],
+        ),
+        (
+            &[(2, FLAG_WITHHELD), (7, 0)],
             &[],
             "withheld (--withheld shows them), or of a class that is not shown (--classes 7 shows them)",
             &["--classes", "7"],
@@ -714,6 +724,53 @@ fn hidden_points_are_said_to_be_hidden() {
         }
     }
     try_all(all);
+}
+
+/// Points of flags are layers as classes are: those that are hidden are not there.
+#[test]
+fn hidden_flags_are_drawn_as_if_their_points_were_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let lasray = |arguments: &[&str]| {
+        let ran = run(folder.path(), &words(arguments.iter().copied()), &[]);
+        assert_eq!(ran.code, Some(0), "{arguments:?}: {}", ran.said);
+    };
+    lasray(&["synth", "all.las", "--points", "60k", "-q"]);
+    let mut all = fs::read(folder.path().join("all.las")).unwrap();
+    let (first, length) = (points_at(&all), usize::from(u16::from_le_bytes([all[105], all[106]])));
+    for (k, record) in all[first..].chunks_exact_mut(length).enumerate() {
+        let flags = [k % 7 == 0, k % 3 == 0, k % 5 == 0, k % 4 == 1].map(u8::from);
+        record[15] = record[15] & 0xF0 | flags[0] | flags[1] << 1 | flags[2] << 2 | flags[3] << 3;
+    }
+    fs::write(folder.path().join("all.las"), &all).unwrap();
+    let draw = |input: &str, output: &str, more: &[&str]| {
+        let camera = "--ortho=2 --eye 512000,5403000,900 --target 512010,5403030,200 --size 160x120 --cell 2";
+        let way = camera.split(' ').chain("--color class --shade none --background white -q".split(' '));
+        lasray(
+            &["render", input, "-o", output]
+                .into_iter()
+                .chain(way)
+                .chain(more.iter().copied())
+                .collect::<Vec<_>>(),
+        );
+        pixels(&folder.path().join(output))
+    };
+    let mut seen = Vec::new();
+    for (options, hidden) in [
+        (&[][..], FLAG_WITHHELD),
+        (&["--hide-flags", "withheld"], FLAG_WITHHELD),
+        (&["--withheld"], 0),
+        (&["--hide-flags", "overlap"], FLAG_WITHHELD | FLAG_OVERLAP),
+        (&["--withheld", "--hide-flags", "overlap,key-point,synthetic"], 11),
+    ] {
+        let kept: Vec<_> =
+            all[first..].chunks_exact(length).filter(|record| record[15] & hidden == 0).collect();
+        let some = with([&all[..first], &kept.concat()].concat(), 247, &(kept.len() as u64).to_le_bytes());
+        fs::write(folder.path().join("some.las"), some).unwrap();
+        let is = draw("all.las", "is.png", options);
+        assert!(is == draw("some.las", "should.png", &["--withheld"]), "{options:?}");
+        seen.push(is);
+    }
+    assert!(seen[0] == seen[1] && seen[2..].iter().all(|other| *other != seen[0]));
 }
 
 /// What files say of themselves reaches no terminal as a command.

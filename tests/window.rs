@@ -270,6 +270,7 @@ fn a_user_looks_around() {
         let Some(display) = Display::open("a_user_looks_around") else { return };
         let (folder, file) = town();
         let options = ["--size", "900x640", "--z-unit", "m", "--rgb-bits", "16", "--mix-crs", "--withheld"];
+        let options = [&options[..], &["--hide-flags", "key-point,synthetic"]].concat();
         let mut window =
             Window::open(&display, folder.path(), &[&options[..], &[file.to_str().unwrap()]].concat());
         window.wait("first frame");
@@ -324,7 +325,14 @@ fn a_user_looks_around() {
         window.key("ctrl+c");
         let command = window.wait("command").join(" ");
         assert!(command.contains("a town.las'") && command.contains("--hide "), "{command}");
-        for option in ["--z-unit m", "--rgb-bits 16", "--mix-crs", "--withheld", "--ortho "] {
+        for option in [
+            "--z-unit m",
+            "--rgb-bits 16",
+            "--mix-crs",
+            "--withheld",
+            "--ortho ",
+            "--hide-flags synthetic,key-point ",
+        ] {
             assert!(command.contains(option), "{option}: {command}");
         }
         for option in ["--fov", "--color rgb", "--z-scale", "--cell"] {
@@ -988,14 +996,16 @@ fn a_view_written_by_hand_is_drawn_or_its_fault_is_named() {
             fs::write(folder.path().join("view.json"), view).unwrap();
             run(folder.path(), &["render", "--path", "view.json", "-o", "view.png", "--quiet"])
         };
-        let (code, said) =
-            draw(r#"{"size": "60x40", "classes": "6", "color": "class", "z-scale": 2, "withheld": true}"#);
+        let (code, said) = draw(
+            r#"{"size": "60x40", "classes": "6", "color": "class", "z-scale": 2, "withheld": true, "hide-flags": "overlap"}"#,
+        );
         assert_eq!((code, &*said), (Some(0), ""));
         assert_eq!(rgb(&folder.path().join("view.png")).len(), 60 * 40 * 3);
         for (options, place, reason) in [
             (r#"{"output": "x.png"}"#, "view.json: line ", "`output` is none of a view's"),
             (r#"{"color": "pink"}"#, "view.json: ", "invalid value 'pink' for '--color"),
             (r#"{"classes": 300}"#, "view.json: ", "class 300 is out of range"),
+            (r#"{"hide-flags": "noise"}"#, "view.json: ", "'noise' is not a flag"),
         ] {
             let (code, said) = draw(options);
             assert_eq!(code, Some(2), "{said}");
@@ -1236,6 +1246,40 @@ fn layers_are_shown_by_presets_and_classes_alone() {
             window.click(name);
             window.wait(&format!("classes shown {shown} "));
         }
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+/// Flags that points have are layers with boxes of their own.
+#[test]
+fn flags_have_boxes_where_points_have_them() {
+    let test = "flags_have_boxes_where_points_have_them";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("field.las");
+        write(&file, field([40.0, 20.0], 0.5, |x, y| Some((0.05 * (x + y), 2))));
+        let mut bytes = fs::read(&file).unwrap();
+        let first = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+        // Of format 0: the bit of synthetic points.
+        bytes[first..].chunks_exact_mut(20).step_by(3).for_each(|record| record[15] |= 0x20);
+        fs::write(&file, bytes).unwrap();
+        let mut window = Window::open(&display, folder.path(), &["--size", "560x820", "field.las"]);
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        let is_there = |window: &Window, name: &str| window.places.borrow().contains_key(name);
+        assert!(is_there(&window, "withheld points") && !is_there(&window, "overlap points"));
+        for (name, hidden) in [("synthetic", "withheld,synthetic"), ("withheld", "synthetic")] {
+            window.click(&format!("{name} points"));
+            assert_eq!(window.wait("classes shown 254 bridge 4 hidden"), [hidden]);
+            window.wait("settled");
+        }
+        window.key("ctrl+c");
+        let command = window.wait_all("command ").1;
+        assert!(command.contains(" --withheld") && command.contains(" --hide-flags synthetic "), "{command}");
+        window.click("synthetic points");
+        assert_eq!(window.wait("classes shown 254 bridge 4 hidden"), [""; 0]);
         assert_eq!(window.end(), Some(0));
     });
 }

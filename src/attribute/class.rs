@@ -2,7 +2,6 @@
 
 use super::oklab::oklab_to_srgb;
 use bytemuck::{Pod, Zeroable};
-use std::collections::BTreeSet;
 
 /// Which of the 256 classes are shown; bit `class % 32` of word `class / 32`, as the shaders read it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -61,9 +60,6 @@ pub const fn is_always_solid(class: u8) -> bool {
 pub const fn always_floats(class: u8) -> bool {
     matches!(class, 3..=5 | 7 | 13..=19)
 }
-
-/// Kinds of points, by what shows or hides them: class, and whether they are withheld.
-pub type Kinds = BTreeSet<(u8, bool)>;
 
 /// Name of a class: LAS 1.4 R15, table 17; 8 and 12 as LAS 1.0 to 1.3 used them; 40 to 45 from the
 /// topo-bathymetric domain profile.

@@ -1,22 +1,36 @@
 //! How many points there are of each kind.
 
-use super::class::Kinds;
+use super::flags::{Flags, Kind, Kinds};
 use std::collections::BTreeMap;
 
-/// Points of each kind: class, and whether they are withheld.
+/// Points of each kind.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct KindCounts {
     /// Kinds that occur. Of a kind that was seen there is at least one point.
-    pub of: BTreeMap<(u8, bool), u64>,
+    pub of: BTreeMap<Kind, u64>,
     /// Every point was counted; otherwise those that were not are estimated.
     pub is_exact: bool,
 }
 
 impl KindCounts {
-    /// Points of a class, withheld or not, and how many of them are withheld.
-    pub fn of_class(&self, class: u8) -> [u64; 2] {
-        let [shown, withheld] = [false, true].map(|withheld| self.of.get(&(class, withheld)).copied());
-        [shown.unwrap_or(0) + withheld.unwrap_or(0), withheld.unwrap_or(0)]
+    /// Points of a class.
+    pub fn of_class(&self, class: u8) -> u64 {
+        self.sum(class, |_| true)
+    }
+
+    /// Those of them that have any of these flags.
+    pub fn flagged(&self, class: u8, flags: Flags) -> u64 {
+        self.sum(class, |of_point| of_point.has_any(flags))
+    }
+
+    fn sum(&self, class: u8, is_meant: impl Fn(Flags) -> bool) -> u64 {
+        let of_class = self.of.range((class, Flags::NONE)..=(class, Flags::ALL));
+        of_class.filter(|((_, flags), _)| is_meant(*flags)).map(|(_, points)| points).sum()
+    }
+
+    /// Flags that occur.
+    pub fn flags(&self) -> Flags {
+        self.of.keys().fold(Flags::NONE, |all, (_, flags)| all.with(*flags))
     }
 
     /// Kinds that occur.

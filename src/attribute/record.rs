@@ -1,5 +1,6 @@
 //! Attributes of a point record, and how they are packed.
 
+use super::flags::{Flags, Kind};
 use crate::coords::Height;
 use crate::shared::payload::{
     HEIGHT_SIGN, RUN_BLUE_SHIFT, RUN_CLASS_SHIFT, RUN_GREEN_SHIFT, RUN_INTENSITY_SHIFT, RUN_RETURNS_SHIFT,
@@ -86,10 +87,16 @@ impl Record {
         (self.0[1] >> RUN_CLASS_SHIFT) as u8
     }
 
-    /// Class flags, [`crate::source::FLAG_WITHHELD`] and its neighbours.
+    /// Flags, [`crate::source::FLAG_WITHHELD`] and its neighbours, and what formats keep beside them.
     #[inline]
     pub fn flags(self) -> u8 {
         self.0[2] as u8
+    }
+
+    /// What shows or hides it.
+    #[inline]
+    pub fn kind(self) -> Kind {
+        (self.class(), Flags::of(self.flags()))
     }
 }
 

@@ -9,7 +9,7 @@ use super::failure::Stopped;
 use super::ingest::Case;
 use super::memory::free_bytes;
 use super::report::{LoadRow, Stat};
-use crate::attribute::ClassMask;
+use crate::attribute::{ClassMask, Flags};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::{Bins, Budget, Meaning};
 use crate::ingest::input::Input;
@@ -192,7 +192,12 @@ pub fn run(
     );
     progress(&format!("{name}: warming up"));
     // One scene for all runs: drivers compile on first use.
-    let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0, near_ties: false };
+    let seen = Visibility {
+        classes: ClassMask::default(),
+        hidden_flags: Flags::WITHHELD,
+        bridge: 0,
+        near_ties: false,
+    };
     let bytes = gpu.bytes_for_sections(POOL_BYTES);
     let mut scene = Scene::new(gpu, |order: Order| order, Access::Address, bytes, seen, case.grid()?)?;
     ours(&mut scene, &case, threads.iter().copied().max().unwrap_or(1) as usize)?;

@@ -14,7 +14,7 @@ use super::failure::Stopped;
 use super::report::{LayersKind, LayersRow, Stat, StreamFrames, StreamKind, StreamRow};
 use super::steady::{Repeats, WARM_MS};
 use super::times::ms;
-use crate::attribute::{ClassMask, ColorTable};
+use crate::attribute::{ClassMask, ColorTable, Flags};
 use crate::gpu::{DeviceKind, Gpu, Order, QueueKind, SyncPoint, Timestamps};
 use crate::limits::LIMITS;
 use crate::load::{self, LoadError, LoadOptions, Opening};
@@ -194,8 +194,12 @@ impl<'a> StreamCase<'a> {
         let Opening { inputs, grid, about, .. } = load::open(&files, &options.load, problems)?;
         let points = inputs.iter().map(|input| input.input.file.points()).sum();
         let bridge = if options.shade == Shade::Lit { 4 } else { 0 };
-        let seen =
-            Visibility { classes: ClassMask::default(), withheld: false, bridge, near_ties: bridge > 0 };
+        let seen = Visibility {
+            classes: ClassMask::default(),
+            hidden_flags: Flags::WITHHELD,
+            bridge,
+            near_ties: bridge > 0,
+        };
         // Derived parts are less than half of what sections take.
         let access = Access::best(gpu, options.device_bytes / 2);
         let cell = grid.cell();

@@ -1,13 +1,12 @@
 //! What both pipelines draw: sections in host memory, repeated without end, so that no path runs out of land.
 
-use crate::attribute::{AttributeError, ClassMask, ColorTable, Record};
+use crate::attribute::{AttributeError, ClassMask, ColorTable, Flags, Record};
 use crate::coords::{Bounds, Grid, Height, SECTION_SIDE, SectionKey};
 use crate::load::{self, LoadError, LoadOptions, Loaded};
 use crate::problems::Problems;
 use crate::resident::visibility::Visibility;
 use crate::section::slot::slot_bytes;
 use crate::section::{Columns, Payload, column_at};
-use crate::source::FLAG_WITHHELD;
 use crate::synth;
 use std::collections::HashMap;
 
@@ -42,7 +41,7 @@ fn rgba(record: &Record, colors: &ColorTable) -> u32 {
 /// The visible top of every column of a packed section: column (y << 8 | x), record.
 fn tops(packed: &Payload, visibility: &Visibility, mut each: impl FnMut(usize, Record)) {
     packed.columns(|column, runs| {
-        let shown = |r: &&Record| visibility.shows(r.class(), r.flags() & FLAG_WITHHELD != 0);
+        let shown = |r: &&Record| visibility.shows(r.kind());
         if let Some(&record) = runs.iter().find(shown) {
             let [x, y] = column_at(column);
             each((y << 8 | x) as usize, record);
@@ -76,7 +75,12 @@ impl World {
     /// What the harness draws of what was loaded: every class, in the colours that the data has.
     pub fn of(loaded: Loaded) -> Result<World, AttributeError> {
         let colors = ColorTable::new(loaded.about.color, &loaded.about.summary, &loaded.grid, None, None)?;
-        let seen = Visibility { classes: ClassMask::default(), withheld: false, bridge: 0, near_ties: false };
+        let seen = Visibility {
+            classes: ClassMask::default(),
+            hidden_flags: Flags::WITHHELD,
+            bridge: 0,
+            near_ties: false,
+        };
         Ok(World::new(loaded, seen, colors))
     }
 

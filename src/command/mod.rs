@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod info;
+mod layers;
 mod outcome;
 pub mod placement;
 pub mod render;

@@ -47,11 +47,15 @@ pub fn wrong_option(file: &Path, error: &clap::Error) -> UsageError {
     UsageError(format!("{}: {}", file.display(), line.trim_start_matches("error: ")))
 }
 
+/// Options that say together what is shown.
+const PAIRS: [[&str; 2]; 2] = [["classes", "hide"], ["withheld", "hide-flags"]];
+
 /// Whether the option `name` of `command` stands in `typed`, under any of its names.
 fn is_typed(command: &clap::Command, typed: &[OsString], name: &str) -> bool {
     // One of them says what both do.
-    let pair: &[&str] = if ["classes", "hide"].contains(&name) { &["classes", "hide"] } else { &[name] };
-    let arguments = command.get_arguments().filter(|a| a.get_long().is_some_and(|long| pair.contains(&long)));
+    let is_same =
+        |long| long == name || PAIRS.iter().any(|pair| pair.contains(&name) && pair.contains(&long));
+    let arguments = command.get_arguments().filter(|a| a.get_long().is_some_and(is_same));
     let names: Vec<String> = arguments
         .flat_map(|a| a.get_long().into_iter().chain(a.get_all_aliases().unwrap_or_default()))
         .map(|long| format!("--{long}"))
@@ -110,12 +114,14 @@ mod tests {
         let command = clap::Command::new("render")
             .arg(clap::Arg::new("color").long("color").visible_alias("colour"))
             .arg(clap::Arg::new("classes").long("classes"))
-            .arg(clap::Arg::new("hide").long("hide"));
+            .arg(clap::Arg::new("hide").long("hide"))
+            .arg(clap::Arg::new("withheld").long("withheld").num_args(0))
+            .arg(clap::Arg::new("hide_flags").long("hide-flags"));
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("view.json");
         let camera = r#""version": 1, "keyframes": [{"time": 0, "eye": [0, 0, 9], "target": [0, 0, 0]}]"#;
         let view = r#"{"inputs": ["a.las"], "hidden": ["b.las"],
-            "options": {"color": "class", "hide": "3-5", "size": "10x10"}}"#;
+            "options": {"color": "class", "hide": "3-5", "size": "10x10", "withheld": true}}"#;
         std::fs::write(&file, format!("{{{camera}, \"view\": {view}}}")).unwrap();
         let words = |typed: &[&str], is_window| {
             let typed: Vec<_> = typed.iter().map(OsString::from).collect();
@@ -124,10 +130,16 @@ mod tests {
             let texts = words[typed.len()..].iter().map(|word| word.to_str().unwrap().replace(place, "."));
             texts.collect::<Vec<_>>().join(" ")
         };
-        assert_eq!(words(&["render"], false), "--color=class --hide=3-5 --size=10x10 ./a.las");
-        assert_eq!(words(&["view"], true), "--hidden=./b.las --color=class --hide=3-5 ./b.las ./a.las");
+        assert_eq!(words(&["render"], false), "--color=class --hide=3-5 --size=10x10 --withheld ./a.las");
+        assert_eq!(
+            words(&["view"], true),
+            "--hidden=./b.las --color=class --hide=3-5 --withheld ./b.las ./a.las"
+        );
         assert_eq!(words(&["view", "--"], true).split(' ').next_back(), Some("./a.las"));
-        assert_eq!(words(&["render", "--colour=rgb", "--classes", "2"], false), "--size=10x10 ./a.las");
+        let others = ["render", "--colour=rgb", "--classes", "2"];
+        assert_eq!(words(&others, false), "--size=10x10 --withheld ./a.las");
+        let flags = words(&["render", "--hide-flags", "overlap"], false);
+        assert_eq!(flags, "--color=class --hide=3-5 --size=10x10 ./a.las");
         std::fs::write(&file, format!("{{{camera}}}")).unwrap();
         let error = typed_with_view(&command, &[], &file, false).unwrap_err().to_string();
         assert!(error.contains("view.json: a camera path that names no files"), "{error}");

@@ -1,6 +1,6 @@
 //! Values of arguments that several commands take: how they are typed, and which are allowed.
 
-use crate::attribute::{ColorMode, ColorRange, RangeError, class_names, classes_named};
+use crate::attribute::{ColorMode, ColorRange, RangeError};
 use crate::source::length::Length;
 use crate::source::{Interval, Returns, Selection, SourceIds};
 use glam::DVec3;
@@ -46,10 +46,6 @@ pub(super) struct Orbit {
     pub(super) angles: [f64; 2],
     pub(super) distance: Option<f64>,
 }
-
-/// Classes, in the order in which they were typed.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct ClassList(pub(super) Vec<u8>);
 
 /// Which points take part at all.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -206,35 +202,6 @@ pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
-/// Numbers, ranges and names: `2,6`, `3-5`, `ground,vegetation`.
-pub(super) fn classes(text: &str) -> Result<ClassList, String> {
-    let class = |s: &str| {
-        let value: u32 = s.trim().parse().map_err(|_| format!("'{s}' is not a class"))?;
-        u8::try_from(value).map_err(|_| format!("class {value} is out of range: classes are 0 to 255"))
-    };
-    let mut list = Vec::new();
-    for part in text.split(',') {
-        let is_number = part.trim().starts_with(|c: char| c.is_ascii_digit());
-        match part.split_once('-').filter(|_| is_number) {
-            Some((lo, hi)) => {
-                let (lo, hi) = (class(lo)?, class(hi)?);
-                if lo > hi {
-                    return Err(format!("classes {lo}-{hi}: {lo} is above {hi}"));
-                }
-                list.extend(lo..=hi);
-            }
-            None if is_number => list.push(class(part)?),
-            None => {
-                let named = classes_named(part);
-                list.extend(named.ok_or_else(|| {
-                    format!("'{part}' is not a class: those are 0 to 255, or {}", class_names())
-                })?);
-            }
-        }
-    }
-    Ok(ClassList(list))
-}
-
 pub(super) fn bytes(text: &str) -> Result<u64, String> {
     let wrong = || format!("'{text}' is not a number of bytes such as 512MiB or 2GiB");
     let split = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
@@ -303,22 +270,6 @@ mod tests {
         assert_eq!(place("1,2,+3"), Ok(Place::Above([1.0, 2.0], 3.0)));
         assert_eq!(place("+1,+2, +0"), Ok(Place::Above([1.0, 2.0], 0.0)));
         assert!(place("1,2").unwrap_err().contains("is not E,N,U; U may be +3"));
-    }
-
-    #[test]
-    fn classes_have_numbers_and_names() {
-        let list = |text: &str| classes(text).map(|list| list.0);
-        assert_eq!(list("2,6"), Ok(vec![2, 6]));
-        assert_eq!(list("3-5, 9"), Ok(vec![3, 4, 5, 9]));
-        assert_eq!(list("Building,ground,low-vegetation,64"), Ok(vec![6, 2, 3, 64]));
-        assert!(
-            list("gorund")
-                .unwrap_err()
-                .starts_with("'gorund' is not a class: those are 0 to 255, or ground (2), ")
-        );
-        assert!(list("2,").unwrap_err().starts_with("'' is not a class"));
-        assert!(list("7-3").unwrap_err().contains("7 is above 3"));
-        assert!(list("256").unwrap_err().contains("out of range"));
     }
 
     #[test]

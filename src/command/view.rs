@@ -1,11 +1,12 @@
 //! `lasray view`: the window.
 
+use super::layers::LayerArgs;
 use super::outcome::{Outcome, UsageError};
 use super::placement::PlacementArgs;
 use super::saved::{self, SavedWords};
 use super::targets::check_targets;
-use super::values::{self, Cell, ClassList, Color, Orbit, Place, SelectionArgs};
-use crate::attribute::{ClassMask, ColorRange, Ramp};
+use super::values::{self, Cell, Color, Orbit, Place, SelectionArgs};
+use crate::attribute::{ColorRange, Ramp};
 use crate::gpu::{GpuError, GpuOptions};
 use crate::load::LoadError;
 use crate::output::{Protected, Target};
@@ -58,16 +59,9 @@ pub struct Args {
     /// Show holes of up to four cells, which are bridged otherwise
     #[arg(long, help_heading = "Picture")]
     no_bridge: bool,
-    /// Show only these classes: 2,6 or 3-5 or building,ground or bare-earth
-    #[arg(long, value_parser = values::classes, help_heading = "Picture", value_name = "LIST")]
-    classes: Option<ClassList>,
-    /// Hide these classes: 3-5 or vegetation (7 and 18, noise, are hidden unless asked for)
-    #[arg(long, value_parser = values::classes, help_heading = "Picture", value_name = "LIST")]
-    hide: Option<ClassList>,
-    /// Show withheld points
-    #[arg(long, help_heading = "Picture")]
-    withheld: bool,
 
+    #[command(flatten)]
+    layers: LayerArgs,
     #[command(flatten)]
     selection: SelectionArgs,
 
@@ -166,8 +160,7 @@ impl Args {
 
     /// What is seen.
     fn view(&self) -> Result<view::ViewOptions, UsageError> {
-        let shown = self.classes.as_ref().map_or(ClassMask::default(), |list| ClassMask::only(&list.0));
-        let classes = self.hide.as_ref().map_or(shown, |list| shown.without(&list.0));
+        let (classes, hidden_flags) = (self.layers.classes(), self.layers.hidden_flags());
         let bridge = if self.no_bridge { 0 } else { 4 };
         let is_typed = self.target.is_some() || self.orbit.is_some() || self.ortho.is_some();
         let read = |file: &PathBuf| CameraPath::read(file).map_err(|error| UsageError(error.to_string()));
@@ -181,7 +174,7 @@ impl Args {
                 rgb_bits: self.rgb_bits.as_ref().map(|bits| if bits == "8" { 8 } else { 16 }),
                 host_bytes: self.host_memory,
                 device_bytes: self.device_memory,
-                visibility: Visibility { classes, withheld: self.withheld, bridge, near_ties: true },
+                visibility: Visibility { classes, hidden_flags, bridge, near_ties: true },
                 selection: self.selection.selection(),
                 color: self.color.0,
                 cache: self.cache(),

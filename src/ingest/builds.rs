@@ -8,7 +8,7 @@
 use super::bins::{self, Shared};
 use super::counts::{self, FileCounts};
 use super::input::{Input, OpenInput, SeenKinds};
-use crate::attribute::{KindCounts, Kinds};
+use crate::attribute::{Kind, KindCounts, Kinds};
 use crate::coords::{Extent, Grid, SectionKey};
 use crate::limits::LIMITS;
 use crate::sample::SampledKinds;
@@ -147,8 +147,8 @@ pub struct Outcome {
     pub points: u64,
     /// Of those, such as no cell or height can hold, or that have no place in the world's coordinate system.
     pub nowhere: u64,
-    /// Points of each kind (class, withheld) that take part, where they were counted.
-    pub kinds: Option<Vec<((u8, bool), u64)>>,
+    /// Points of each kind that take part, where they were counted.
+    pub kinds: Option<Vec<(Kind, u64)>>,
 }
 
 /// What was learned of a file.

@@ -1,14 +1,14 @@
 //! Points of each kind, counted as chunks are read: each chunk once, however often it is decoded. What was not read yet is
 //! estimated from the opening sample.
 
-use crate::attribute::{KindCounts, Kinds};
+use crate::attribute::{Flags, Kind, KindCounts, Kinds};
 use crate::sample::SampledKinds;
+use crate::source::PointBlock;
 use crate::source::learned::Counts;
-use crate::source::{FLAG_WITHHELD, PointBlock};
 use std::collections::BTreeMap;
 
-/// Kinds that points may be of: a class, withheld or not.
-const KINDS: usize = 512;
+/// Kinds that points may be of.
+const KINDS: usize = 256 * Flags::SETS;
 /// Points that come one after the other are counted in so many places: most are alike, and additions to one place wait for
 /// each other.
 const LANES: usize = 4;
@@ -30,7 +30,7 @@ impl Default for Histogram {
 
 /// Where a kind is counted.
 fn place(class: u8, flags: u8) -> usize {
-    usize::from(flags & FLAG_WITHHELD != 0) << 8 | usize::from(class)
+    usize::from(Flags::of(flags).bits()) << 8 | usize::from(class)
 }
 
 impl Histogram {
@@ -60,9 +60,9 @@ impl Histogram {
     }
 
     /// What was counted since the last call.
-    pub fn take(&mut self) -> Vec<((u8, bool), u64)> {
+    pub fn take(&mut self) -> Vec<(Kind, u64)> {
         self.add_up();
-        let kind = |place: usize| ((place & 0xFF) as u8, place > 0xFF);
+        let kind = |place: usize| ((place & 0xFF) as u8, Flags::of((place >> 8) as u8));
         let counts = self.sums.iter_mut().map(std::mem::take).enumerate();
         counts.filter(|(_, n)| *n > 0).map(|(at, n)| (kind(at), n)).collect()
     }
@@ -113,7 +113,7 @@ impl FileCounts {
     }
 
     /// Takes in a chunk of so many records, once.
-    pub fn count(&mut self, records: u64, of_chunk: Vec<((u8, bool), u64)>) {
+    pub fn count(&mut self, records: u64, of_chunk: Vec<(Kind, u64)>) {
         self.left = self.left.saturating_sub(records);
         for (kind, points) in of_chunk {
             *self.counted.entry(kind).or_default() += points;
@@ -126,7 +126,7 @@ impl FileCounts {
     }
 
     /// Adds what there is, estimated where that is not known.
-    fn add_to(&self, all: &mut BTreeMap<(u8, bool), f64>) {
+    fn add_to(&self, all: &mut BTreeMap<Kind, f64>) {
         let known = self.exact().unwrap_or(&self.counted);
         let mut of: BTreeMap<_, f64> = known.iter().map(|(kind, n)| (*kind, *n as f64)).collect();
         if self.exact().is_none() {
@@ -155,7 +155,9 @@ pub fn of_all<'a>(files: impl Iterator<Item = &'a FileCounts>) -> KindCounts {
 mod tests {
     use super::*;
 
-    fn sampled(weights: &[((u8, bool), f64)], is_whole: bool) -> SampledKinds {
+    const NONE: Flags = Flags::NONE;
+
+    fn sampled(weights: &[(Kind, f64)], is_whole: bool) -> SampledKinds {
         let weights: BTreeMap<_, _> = weights.iter().copied().collect();
         SampledKinds { all: weights.values().sum(), weights, is_whole }
     }
@@ -165,11 +167,11 @@ mod tests {
         let mut histogram = Histogram::default();
         for points in [0, 1, 3, 4, 1003] {
             let class: Vec<u8> = (0..points).map(|k| (k % 7) as u8 * 40).collect();
-            let flags: Vec<u8> =
-                (0..points).map(|k| if k % 5 == 0 { FLAG_WITHHELD | 1 } else { 3 }).collect();
+            // A scanner's channel is above them.
+            let flags: Vec<u8> = (0..points).map(|k| 0x10 | ((k % 5) as u8 * 3)).collect();
             let mut slow = BTreeMap::new();
             for (class, flags) in class.iter().zip(&flags) {
-                *slow.entry((*class, flags & FLAG_WITHHELD != 0)).or_default() += 1;
+                *slow.entry((*class, Flags::of(flags & 0xF))).or_default() += 1;
             }
             histogram.add(&PointBlock { x: vec![0; points], class, flags, ..PointBlock::default() });
             let fast: BTreeMap<_, u64> = histogram.take().into_iter().collect();
@@ -179,39 +181,39 @@ mod tests {
 
     #[test]
     fn what_was_not_read_is_estimated_and_what_was_read_is_not() {
-        let [ground, rare] = [(2, false), (15, true)];
-        let seen = sampled(&[(ground, 30.0), ((5, false), 10.0)], false);
+        let [ground, rare] = [(2, NONE), (15, Flags::WITHHELD.with(Flags::OVERLAP))];
+        let seen = sampled(&[(ground, 30.0), ((5, NONE), 10.0)], false);
         let mut file = FileCounts::new(1000, seen.clone(), Counts::new());
         let of = |file: &FileCounts| of_all([file].into_iter());
-        assert_eq!(of(&file).of, BTreeMap::from([(ground, 750), ((5, false), 250)]));
+        assert_eq!(of(&file).of, BTreeMap::from([(ground, 750), ((5, NONE), 250)]));
         assert!(!of(&file).is_exact);
         // A kind that no sample has seen.
-        file.note(&Kinds::from([(18, false)]));
+        file.note(&Kinds::from([(18, NONE)]));
         file.count(400, vec![(ground, 390), (rare, 10)]);
-        let expected = [(ground, 390 + 450), ((5, false), 150), (rare, 10), ((18, false), 1)];
+        let expected = [(ground, 390 + 450), ((5, NONE), 150), (rare, 10), ((18, NONE), 1)];
         assert_eq!(of(&file).of, BTreeMap::from(expected));
-        file.count(600, vec![(ground, 599), ((18, false), 1)]);
+        file.count(600, vec![(ground, 599), ((18, NONE), 1)]);
         let exact =
-            KindCounts { of: BTreeMap::from([(ground, 989), (rare, 10), ((18, false), 1)]), is_exact: true };
+            KindCounts { of: BTreeMap::from([(ground, 989), (rare, 10), ((18, NONE), 1)]), is_exact: true };
         assert_eq!(of(&file), exact, "what the sample had seen is counted by now");
-        assert_eq!((exact.of_class(15), exact.of_class(2), exact.of_class(9)), ([10; 2], [989, 0], [0; 2]));
+        assert_eq!([15, 2, 9].map(|class| exact.of_class(class)), [10, 989, 0]);
 
         let whole = FileCounts::new(40, sampled(&[(ground, 40.0)], true), Counts::new());
         let both = of_all([&whole, &file].into_iter());
-        assert!(both.is_exact && both.of_class(2) == [1029, 0]);
+        assert!(both.is_exact && both.of_class(2) == 1029);
         // Nothing is known of a file whose sample could not be read.
         let unknown = FileCounts::new(7, SampledKinds::default(), Counts::new());
         assert_eq!(of(&unknown), KindCounts::default());
         // Where some are not selected, the sample has seen fewer than there are records.
         let half = FileCounts::new(1000, SampledKinds { all: 80.0, ..seen }, Counts::new());
-        assert_eq!(of(&half).of, BTreeMap::from([(ground, 375), ((5, false), 125)]));
+        assert_eq!(of(&half).of, BTreeMap::from([(ground, 375), ((5, NONE), 125)]));
     }
 
     #[test]
     fn what_was_counted_before_is_believed_until_it_is_counted() {
-        let ground = (2, false);
+        let ground = (2, NONE);
         let new = |records: u64, kept: u64| {
-            FileCounts::new(records, sampled(&[((5, false), 1.0)], false), [(ground, kept)].into())
+            FileCounts::new(records, sampled(&[((5, NONE), 1.0)], false), [(ground, kept)].into())
         };
         let of = |file: &FileCounts| of_all([file].into_iter());
         let mut file = new(100, 100);
@@ -222,13 +224,13 @@ mod tests {
         let mut same = new(100, 100);
         same.count(100, vec![(ground, 100)]);
         assert_eq!(same.news(), None);
-        file.count(40, vec![((6, false), 40)]);
-        assert_eq!(file.news(), Some(&[(ground, 60), ((6, false), 40)].into()));
-        assert_eq!(of(&file).of, [(ground, 60), ((6, false), 40)].into());
+        file.count(40, vec![((6, NONE), 40)]);
+        assert_eq!(file.news(), Some(&[(ground, 60), ((6, NONE), 40)].into()));
+        assert_eq!(of(&file).of, [(ground, 60), ((6, NONE), 40)].into());
         // More than there are, and what told lies of something else.
         assert!(!of(&new(99, 100)).is_exact);
         let mut liar = new(100, 100);
         liar.disbelieve();
-        assert_eq!((of(&liar).of, of(&liar).is_exact), ([((5, false), 100)].into(), false));
+        assert_eq!((of(&liar).of, of(&liar).is_exact), ([((5, NONE), 100)].into(), false));
     }
 }

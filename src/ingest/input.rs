@@ -75,7 +75,7 @@ pub struct OpenInput {
     pub kinds: SeenKinds,
 }
 
-/// What is known of the kinds of a file's points (class, withheld) before it is read.
+/// What is known of the kinds of a file's points before it is read.
 #[derive(Clone, Debug, Default)]
 pub struct SeenKinds {
     /// By the opening sample.

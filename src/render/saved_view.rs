@@ -8,7 +8,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
 /// Options that a view may have: what is seen, never where something is written.
-pub const OPTIONS: [&str; 22] = [
+pub const OPTIONS: [&str; 23] = [
     "assume-crs",
     "cell",
     "classes",
@@ -17,6 +17,7 @@ pub const OPTIONS: [&str; 22] = [
     "gps-time",
     "heights",
     "hide",
+    "hide-flags",
     "intensity",
     "mix-crs",
     "no-bridge",
@@ -227,11 +228,21 @@ mod tests {
     #[test]
     fn options_are_words_of_the_command_line_and_no_others() {
         let text = r#"{"inputs": ["a.las", {"path": "b"}],
-            "options": {"hide": "3-5", "withheld": true, "mix-crs": false, "z-scale": 2, "assume-crs": ["1", "x=2"]}}"#;
+            "options": {"hide": "3-5", "hide-flags": "overlap", "withheld": true, "mix-crs": false, "z-scale": 2, "assume-crs": ["1", "x=2"]}}"#;
         let view: SavedView = serde_json::from_str(text).unwrap();
         assert_eq!(view.inputs(Path::new("d")), [Path::new("d/a.las"), Path::new("d/b")]);
         let words = view.words(|_| true);
-        assert_eq!(words, ["--assume-crs=1", "--assume-crs=x=2", "--hide=3-5", "--withheld", "--z-scale=2"]);
+        assert_eq!(
+            words,
+            [
+                "--assume-crs=1",
+                "--assume-crs=x=2",
+                "--hide=3-5",
+                "--hide-flags=overlap",
+                "--withheld",
+                "--z-scale=2"
+            ]
+        );
         assert_eq!(view.words(|name| name == "hide"), ["--hide=3-5"]);
         for (wrong, part) in [
             (r#"{"inputs": [], "options": {"output": "a.png"}}"#, "`output` is none of a view's"),

@@ -454,17 +454,16 @@ impl Task {
 #[derive(Clone, Copy, Pod, Zeroable)]
 struct Parameters {
     visible: [u32; 8],
-    visible_withheld: [u32; 8],
+    hidden_flags: u32,
     bridge: u32,
     values: u32,
 }
 
 impl Parameters {
     fn of(visibility: &Visibility, column_data: ColumnData) -> Parameters {
-        let words = visibility.classes.0;
         Parameters {
-            visible: words,
-            visible_withheld: if visibility.withheld { words } else { [0; 8] },
+            visible: visibility.classes.0,
+            hidden_flags: visibility.hidden_flags.bits().into(),
             bridge: visibility.bridge.min(LONGEST_BRIDGE),
             values: (column_data == ColumnData::Values).into(),
         }
@@ -674,7 +673,7 @@ mod tests {
 
     #[test]
     fn shaders_see_jobs_and_parameters_as_they_are_written() {
-        let parameters = members!(Parameters { visible, visible_withheld, bridge, values });
+        let parameters = members!(Parameters { visible, hidden_flags, bridge, values });
         for PassDeclaration { name, by_address, by_buffer, .. } in &PASSES {
             let pass = [(*name, *by_address), (*name, *by_buffer)];
             assert_in(

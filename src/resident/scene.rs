@@ -14,7 +14,7 @@ use super::table::Entry;
 use super::transfer::{Slots, Ticket, Transfer};
 use super::visibility::{ColumnData, Visibility};
 use super::work::{Submits, Submitter, Work};
-use crate::attribute::{Kinds, is_always_solid, tells_nothing};
+use crate::attribute::{Kind, Kinds, is_always_solid, tells_nothing};
 use crate::coords::{Grid, Height, SectionKey};
 use crate::gpu::{Buffer, BufferCopy, Gpu, GpuError, MemoryKind, Order, SyncPoint};
 use crate::limits::LIMITS;
@@ -453,10 +453,10 @@ impl Scene {
         near[4] = derived(version);
         let [x, y] = pool.place(&version.slots.uploaded, 0);
         let Layout { counts, others, code, .. } = version.layout;
-        let seen = || version.highest_of.iter().filter(|(c, w, _)| self.visibility.shows(*c, *w));
+        let seen = || version.highest_of.iter().filter(|(kind, _)| self.visibility.shows(*kind));
         let has_ties = self.visibility.near_ties
-            && seen().any(|(c, ..)| tells_nothing(*c))
-            && seen().any(|(c, ..)| !tells_nothing(*c));
+            && seen().any(|((class, _), _)| tells_nothing(*class))
+            && seen().any(|((class, _), _)| !tells_nothing(*class));
         Task {
             section: [x, y, counts, others],
             near,
@@ -472,7 +472,7 @@ impl Scene {
             steepest: self.grid.cell_steps(key.section.level).clamp(1.0, STEEPEST) as u32,
             tie: if has_ties { tie_steps(&self.grid) } else { 0 },
             wide: code.wide,
-            all: !has_ties && version.highest_of.iter().all(|(c, w, _)| self.visibility.shows(*c, *w)),
+            all: !has_ties && version.highest_of.iter().all(|(kind, _)| self.visibility.shows(*kind)),
             changed,
         }
     }
@@ -543,11 +543,11 @@ impl Scene {
     }
 
     /// Shows other points, the sections one after the other: [`Scene::derive_next`] derives some of them beside each frame; until
-    /// then a section shows what it did. Nothing is copied. Where more than classes and withheld points changes, all are
+    /// then a section shows what it did. Nothing is copied. Where more than classes and flags changes, all are
     /// derived at once, as by [`Scene::set_visibility`].
     pub fn switch_visibility(&mut self, visibility: Visibility) -> Result<(), GpuError> {
-        let Visibility { classes, withheld, .. } = visibility;
-        if (Visibility { classes, withheld, ..self.visibility }) != visibility {
+        let Visibility { classes, hidden_flags, .. } = visibility;
+        if (Visibility { classes, hidden_flags, ..self.visibility }) != visibility {
             return self.set_visibility(visibility);
         }
         if visibility != self.visibility {
@@ -667,8 +667,8 @@ impl Scene {
     /// The highest thing that is shown of a published section.
     fn highest(&self, key: PayloadKey) -> Option<Height> {
         let version = self.sections.get(&key)?.published.as_ref()?;
-        let shown = version.highest_of.iter().filter(|(c, w, _)| version.shown.shows(*c, *w));
-        shown.map(|(_, _, h)| *h).max()
+        let shown = version.highest_of.iter().filter(|(kind, _)| version.shown.shows(*kind));
+        shown.map(|(_, h)| *h).max()
     }
 
     /// Whether tables have nothing to name: no published section shows anything.
@@ -679,10 +679,7 @@ impl Scene {
     /// Kinds of points in published sections, shown or not.
     pub fn kinds(&self) -> Kinds {
         let versions = self.sections.values().filter_map(|resident| resident.published.as_ref());
-        versions
-            .flat_map(|version| &version.highest_of)
-            .map(|&(class, withheld, _)| (class, withheld))
-            .collect()
+        versions.flat_map(|version| &version.highest_of).map(|&(kind, _)| kind).collect()
     }
 
     /// What a table may name now: published sections that show anything, in key order.
@@ -723,9 +720,7 @@ impl Scene {
 
     /// Whether anything of a section may float under the mask.
     fn may_float(&self, version: &Version) -> bool {
-        let may = |&(class, withheld, _): &(u8, bool, Height)| {
-            !is_always_solid(class) && self.visibility.shows(class, withheld)
-        };
+        let may = |&(kind, _): &(Kind, Height)| !is_always_solid(kind.0) && self.visibility.shows(kind);
         version.layout.floats.is_some_and(|floats| floats.spans > 0) && version.highest_of.iter().any(may)
     }
 

@@ -13,11 +13,11 @@ use super::seen::{Asked, Seen, hidden_by_default, unpack};
 use super::shapes::{Shape, Shapes};
 use super::summary::{Shown, counts, summarise, times};
 use super::weighted::Weighted;
-use crate::attribute::{AttributeSummary, Kinds, Spread};
+use crate::attribute::{AttributeSummary, Kind, Kinds, Spread};
 use crate::coords::{Bounds, Hull, LowSurface};
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
-use crate::source::{FLAG_WITHHELD, Selection, SourceError};
+use crate::source::{Selection, SourceError};
 use std::collections::BTreeMap;
 
 /// Points spread over the set that one place of neighbouring points is worth.
@@ -25,11 +25,11 @@ const PLACE_WORTH: f64 = 250.0;
 /// Likewise the head of a chunk.
 const HEAD_WORTH: f64 = 40.0;
 
-/// The kinds of points (class, withheld) that the sample has seen of a file.
+/// The kinds of points that the sample has seen of a file.
 #[derive(Clone, Debug, Default)]
 pub struct SampledKinds {
     /// What they weigh among each other; points, where `is_whole`.
-    pub weights: BTreeMap<(u8, bool), f64>,
+    pub weights: BTreeMap<Kind, f64>,
     /// What all that were seen weigh: more where only some of them are meant.
     pub all: f64,
     /// Every point of the file was seen.
@@ -40,11 +40,10 @@ impl SampledKinds {
     fn of(seen: &[(&Seen, f64)], is_whole: bool, is_meant: impl Fn(&Seen) -> bool) -> SampledKinds {
         let (mut weights, mut all) = (BTreeMap::new(), 0.0);
         for (seen, weight) in seen {
-            let kind = (seen.class, seen.flags & FLAG_WITHHELD != 0);
             let weight = if is_whole { 1.0 } else { *weight };
             all += weight;
             if is_meant(seen) {
-                *weights.entry(kind).or_default() += weight;
+                *weights.entry(seen.kind()).or_default() += weight;
             }
         }
         SampledKinds { weights, all, is_whole }
@@ -129,7 +128,7 @@ impl Tally {
         let mut tally = Tally { kinds: Kinds::new(), classes: vec![0.0; 256], selected: 0 };
         for (seen, weight) in sample.points.iter().flatten().filter(|(seen, _)| seen.is_selected) {
             tally.selected += 1;
-            tally.kinds.insert((seen.class, seen.flags & FLAG_WITHHELD != 0));
+            tally.kinds.insert(seen.kind());
             tally.classes[usize::from(seen.class)] += weight;
         }
         tally

@@ -1,32 +1,39 @@
 //! A point of the sample, as it is stored, and whether it is shown by default.
 
-use crate::attribute::ClassMask;
-use crate::source::{FLAG_WITHHELD, LidarFile, PointBlock, Selection};
+use crate::attribute::{ClassMask, Flags, Kind};
+use crate::source::{LidarFile, PointBlock, Selection};
 use glam::DVec3;
 
 /// What of the points is to be shown at first: cell size, ranges of colours and framing are chosen from that.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Asked {
     /// Classes; by default all but noise.
     pub classes: ClassMask,
-    /// Withheld points, too.
-    pub withheld: bool,
+    /// But for points that have one of these flags; by default withheld ones.
+    pub hidden_flags: Flags,
     /// Points that take part at all.
     pub selection: Selection,
+}
+
+impl Default for Asked {
+    fn default() -> Asked {
+        let (classes, selection) = (ClassMask::default(), Selection::default());
+        Asked { classes, hidden_flags: Flags::WITHHELD, selection }
+    }
 }
 
 impl Asked {
     /// Whether a point is.
     #[inline]
     pub fn shows(&self, class: u8, flags: u8) -> bool {
-        self.classes.shows(class) && (self.withheld || flags & FLAG_WITHHELD == 0)
+        self.classes.shows(class) && !Flags::of(flags).has_any(self.hidden_flags)
     }
 }
 
 /// Whether a point is hidden unless asked for: noise and withheld.
 #[inline]
 pub fn hidden_by_default(class: u8, flags: u8) -> bool {
-    matches!(class, 7 | 18) || flags & FLAG_WITHHELD != 0
+    matches!(class, 7 | 18) || Flags::of(flags).has_any(Flags::WITHHELD)
 }
 
 /// A point of the sample.
@@ -45,6 +52,13 @@ pub(super) struct Seen {
     pub gps_time: f64,
     /// It takes part.
     pub is_selected: bool,
+}
+
+impl Seen {
+    /// What shows or hides it.
+    pub(super) fn kind(&self) -> Kind {
+        (self.class, Flags::of(self.flags))
+    }
 }
 
 /// Adds the points of a block; whether they take part, as far as that does not depend on where they lie.

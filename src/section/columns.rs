@@ -1,6 +1,6 @@
 //! Points to columns: a section while points arrive.
 //!
-//! While points arrive a section ([`Columns`]) keeps the winner of every (column, class) by an order-free maximum, columns
+//! While points arrive a section ([`Columns`]) keeps the winner of every column and kind of point (class and flags) by an order-free maximum, columns
 //! in the order of 8×8 blocks. What is uploaded has those blocks that hold anything, in the same order, so that
 //! [`Columns::pack_into`] mostly copies.
 //!
@@ -16,12 +16,11 @@ use super::measure::{Measure, Measuring, with_code};
 use super::payload::{HighestOf, Payload};
 use super::stacks::{self, Floating, Gathering, Stacks};
 use super::surface::Surface;
-use crate::attribute::{Record, unbias};
+use crate::attribute::{Flags, Kind, Record, unbias};
 use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE, Stacking};
-use crate::source::FLAG_WITHHELD;
 use memmap2::MmapMut;
 
-/// The best record of a further class of a column.
+/// The best record of a further kind of a column.
 #[derive(Clone, Copy)]
 struct Other {
     record: Record,
@@ -41,31 +40,30 @@ struct Spans {
     code: HeightCode,
 }
 
-/// Whether two records belong to the same run: same class, and both withheld or both not (a withheld
-/// point must not hide one that is not).
+/// Whether two records belong to the same run: same kind (a point that is hidden must not hide one that is not).
 #[inline]
 fn same_run(a: Record, b: Record) -> bool {
-    a.class() == b.class() && (a.flags() ^ b.flags()) & FLAG_WITHHELD == 0
+    a.kind() == b.kind()
 }
 
-/// A section while points arrive: one best record for each column and class, or each run of stacks.
+/// A section while points arrive: one best record for each column and kind, or each run of stacks.
 ///
-/// Memory follows the pages that are touched: 12 bytes a column, 5 where columns have further classes, 16 for each of
+/// Memory follows the pages that are touched: 12 bytes a column, 5 where columns have further kinds, 16 for each of
 /// those; of stacks 2 more a column and a run.
 pub struct Columns {
     pages: Pages,
-    /// Further classes of columns; the first is empty.
+    /// Further kinds of columns; the first is empty.
     others: Vec<Other>,
     points: u64,
     /// A bit for each block that holds anything.
     occupied: Blocks,
-    /// And for each in which a column has further classes.
+    /// And for each in which a column has further kinds.
     chained: Blocks,
     touched_pages: u32,
     /// Further runs that the device will hold: at most [`MOST_OTHERS`] a column.
     further_runs: u32,
-    /// First word of the highest record of each class, withheld or not: `class << 1 | withheld`; 0: none.
-    highest: Box<[u32; 512]>,
+    /// First word of the highest record of each kind.
+    highest: Highest,
     /// Of all points ever, so that it does not depend on which of them were kept meanwhile.
     lowest: Height,
     /// What is kept besides, where these are stacks.
@@ -86,7 +84,7 @@ impl Default for Columns {
             chained: Blocks::default(),
             touched_pages: 0,
             further_runs: 0,
-            highest: Box::new([0; 512]),
+            highest: Highest::default(),
             lowest: Height(i32::MAX),
             stacks: None,
             is_smooth: false,
@@ -96,7 +94,7 @@ impl Default for Columns {
 }
 
 /// Of each column, in block order: the highest record; behind all of them, index into `Columns::others` of its other
-/// classes, 0 where there are none; behind those, how many there are, [`MOST_OTHERS`] or more as that; of stacks, behind
+/// kinds, 0 where there are none; behind those, how many there are, [`MOST_OTHERS`] or more as that; of stacks, behind
 /// those, the lows of the highest records.
 ///
 /// Pages of the system, which gives zeros, and memory only for what is touched.
@@ -214,7 +212,7 @@ impl Columns {
         self.stacks.as_ref().map(|stacks| stacks.stacking)
     }
 
-    /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its class (of stacks:
+    /// Takes in one point at column (x, y), each 0..256: kept if it beats what the column holds of its kind (of stacks:
     /// of its run).
     /// The result does not depend on the order of calls.
     pub fn add(&mut self, x: u32, y: u32, record: Record) {
@@ -268,7 +266,7 @@ impl Columns {
                 lows[at] = low;
                 self.stacks.as_mut().expect("these are stacks").begin(column, record);
             }
-            return see(&mut self.highest, record);
+            return self.highest.see(record);
         }
         if joins(*first, record) {
             if STACKS {
@@ -276,11 +274,11 @@ impl Columns {
             }
             if record > *first {
                 *first = record;
-                see(&mut self.highest, record);
+                self.highest.see(record);
             }
             return;
         }
-        // Further classes of a column hang in a chain; columns rarely hold more than three.
+        // Further kinds of a column hang in a chain; columns rarely hold more than three.
         let count = &mut counts[at];
         let mut index = if *count == 0 { 0 } else { heads[at] as usize };
         while index != 0 {
@@ -298,13 +296,13 @@ impl Columns {
                     if record > *first {
                         std::mem::swap(first, &mut other.record);
                     }
-                    see(&mut self.highest, record);
+                    self.highest.see(record);
                 }
                 return;
             }
             index = other.next as usize;
         }
-        see(&mut self.highest, record);
+        self.highest.see(record);
         let is_highest = record > *first;
         let lower = if is_highest { std::mem::replace(first, record) } else { record };
         let next = if *count == 0 { 0 } else { heads[at] };
@@ -357,7 +355,7 @@ impl Columns {
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         self.touched_pages as usize * PAGE
-            + size_of_val(&*self.highest)
+            + self.highest.bytes()
             + (self.others.len() - 1) * size_of::<Other>()
             + self.stacks.as_ref().map_or(0, |stacks| stacks.bytes())
             + self.measuring.as_ref().map_or(0, |measuring| measuring.bytes())
@@ -392,14 +390,15 @@ impl Columns {
     }
 
     fn code_above(&self, lowest: Height) -> HeightCode {
-        let highest = self.highest.iter().fold(0, |highest, &h| h.max(highest));
-        HeightCode::fit(lowest.0, unbias(highest).0)
+        let highest = self.highest.each().map(|(_, h)| h).max();
+        HeightCode::fit(lowest.0, unbias(highest.unwrap_or(0)).0)
     }
 
-    /// Highest record of each (class, withheld) present.
+    /// Highest record of each kind present.
     fn highest_of(&self) -> HighestOf {
-        let present = self.highest.iter().enumerate().filter(|(_, h)| **h != 0);
-        present.map(|(key, &h)| ((key >> 1) as u8, key & 1 != 0, unbias(h))).collect()
+        let mut highest: Vec<_> = self.highest.each().map(|(kind, h)| (kind, unbias(h))).collect();
+        highest.sort_unstable();
+        highest
     }
 
     /// Calls `each` with every record, the index of its column, and its low (of columns 0).
@@ -650,14 +649,32 @@ impl Columns {
     }
 }
 
-/// Keeps the highest of each class.
-#[inline]
-fn see(highest: &mut [u32; 512], record: Record) {
-    let withheld = usize::from(record.flags() & FLAG_WITHHELD != 0);
-    let highest = &mut highest[usize::from(record.class()) << 1 | withheld];
-    // Seldom stored, so that one point does not wait for the last.
-    if record.0[0] > *highest {
-        *highest = record.0[0];
+/// First word of the highest record of each class; 0: none. By flags, of which few sets occur.
+#[derive(Default)]
+struct Highest([Option<Box<[u32; 256]>>; Flags::SETS]);
+
+impl Highest {
+    #[inline]
+    fn see(&mut self, record: Record) {
+        let (class, flags) = record.kind();
+        let of_flags = self.0[usize::from(flags.bits())].get_or_insert_with(|| Box::new([0; 256]));
+        let highest = &mut of_flags[usize::from(class)];
+        // Seldom stored, so that one point does not wait for the last.
+        if record.0[0] > *highest {
+            *highest = record.0[0];
+        }
+    }
+
+    /// The kinds that there are.
+    fn each(&self) -> impl Iterator<Item = (Kind, u32)> {
+        let sets = (0u8..).zip(&self.0).filter_map(|(bits, of)| Some((Flags::of(bits), of.as_ref()?)));
+        sets.flat_map(|(flags, of)| (0u8..=255).map(move |class| ((class, flags), of[usize::from(class)])))
+            .filter(|(_, h)| *h != 0)
+    }
+
+    /// Bytes held.
+    fn bytes(&self) -> usize {
+        self.0.iter().flatten().map(|of_flags| size_of_val(&**of_flags)).sum()
     }
 }
 
@@ -688,13 +705,13 @@ mod tests {
 
     /// Packing as it is specified, from points: the words, and the runs of each column.
     fn pack_plainly(points: &[Point]) -> (Vec<u32>, BTreeMap<u16, Vec<Record>>, HighestOf) {
-        let mut best = BTreeMap::<(u16, u8, bool), Record>::new();
-        let mut highest_of = BTreeMap::<(u8, bool), Height>::new();
+        let mut best = BTreeMap::<(u16, u8, u8), Record>::new();
+        let mut highest_of = BTreeMap::<(u8, u8), Height>::new();
         for &(x, y, record) in points {
-            let withheld = record.flags() & FLAG_WITHHELD != 0;
-            let best = best.entry((column_index(x, y), record.class(), withheld)).or_insert(record);
+            let flags = record.flags() & 0xF;
+            let best = best.entry((column_index(x, y), record.class(), flags)).or_insert(record);
             *best = record.max(*best);
-            let highest = highest_of.entry((record.class(), withheld)).or_insert(Height(i32::MIN));
+            let highest = highest_of.entry((record.class(), flags)).or_insert(Height(i32::MIN));
             *highest = of_record(&record).max(*highest);
         }
         let mut columns = BTreeMap::<u16, Vec<Record>>::new();
@@ -728,7 +745,11 @@ mod tests {
             }
         }
         words.extend(further);
-        (words, columns, highest_of.into_iter().map(|((class, withheld), h)| (class, withheld, h)).collect())
+        (
+            words,
+            columns,
+            highest_of.into_iter().map(|((class, flags), h)| ((class, Flags::of(flags)), h)).collect(),
+        )
     }
 
     /// Into memory that holds rubbish, which must be gone, and no further than it should.
@@ -753,10 +774,10 @@ mod tests {
     #[test]
     fn packing_is_as_specified_where_it_is_hard() {
         check_packing(&[]);
-        // More runs than a count holds, in two columns: 512 of 256 classes, withheld or not.
+        // More runs than a count holds, in two columns: 512 of 256 classes and two of sixteen sets of flags.
         let mut points = Vec::new();
         for k in 0..512 {
-            let r = record(k * 37 % 1009, (k % 256) as u8, if k < 256 { 0 } else { FLAG_WITHHELD });
+            let r = record(k * 37 % 1009, (k % 256) as u8, (k / 256 * 5 + k % 12) as u8);
             points.extend([(3, 200, r), (77, 5, r), (k as u32 % 256, 99, r)]);
             // As many as are counted with a column, and one more and less.
             points.extend((126..=128).filter(|most| k <= *most).map(|most| (most as u32, 250, r)));
@@ -800,7 +821,7 @@ mod tests {
                 pages.extend([(1, block / 16), (2, block / 64)]);
                 others += 1;
             }
-            assert_eq!(columns.bytes(), 2048 + 4096 * pages.len() + 16 * others);
+            assert_eq!(columns.bytes(), 1024 + 4096 * pages.len() + 16 * others);
         }
         assert!(pages.len() > 200);
     }
@@ -813,7 +834,7 @@ mod tests {
             points.push((
                 k * 7 % 256,
                 k * 13 % 256 / 8,
-                record(h, (k % 5) as u8, if k % 11 == 0 { 4 } else { 0 }),
+                record(h, (k % 5) as u8, if k % 11 == 0 { (k % 16) as u8 } else { 0 }),
             ));
         }
         let (mut forward, mut backward) = (Columns::default(), Columns::default());

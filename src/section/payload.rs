@@ -2,7 +2,7 @@
 
 use super::layout::{BLOCK_COLUMNS, COUNT_WORDS, HEADER_WORDS, Layout, SECTION_BLOCKS};
 use super::slot::slot_bytes;
-use crate::attribute::{Record, bias};
+use crate::attribute::{Kind, Record, bias};
 use crate::coords::{Height, SectionKey};
 use crate::shared::payload::MOST_NARROW_CODE;
 
@@ -43,8 +43,8 @@ impl From<SectionKey> for PayloadKey {
     }
 }
 
-/// Highest record of each (class, withheld) that a section holds.
-pub type HighestOf = Vec<(u8, bool, Height)>;
+/// Height of the highest record of each kind that a section holds, in the order of kinds.
+pub type HighestOf = Vec<(Kind, Height)>;
 
 /// A payload ready for upload. Immutable.
 pub struct Payload {
@@ -54,7 +54,7 @@ pub struct Payload {
     pub layout: Layout,
     /// Points it was made from.
     pub points: u64,
-    /// Highest record of each (class, withheld) present.
+    /// Highest record of each kind present.
     pub highest_of: HighestOf,
 }
 

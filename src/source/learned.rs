@@ -1,5 +1,5 @@
 //! What was learned of files, kept in the user's cache folder: the bounds of each chunk's points, so that the next view
-//! reads only what it touches, and how many points there are of each class. Never needed: where something is missing, wrong or cannot be written, files are read as
+//! reads only what it touches, and how many points there are of each kind. Never needed: where something is missing, wrong or cannot be written, files are read as
 //! if there were no cache.
 //!
 //! One file for each input, named by a hash of its path, little endian:
@@ -12,13 +12,14 @@
 //! | 8, 8 | digest of its header and of where its chunks lie, chunks |
 //! | … | its path |
 //! | 24 each | raw bounds of the chunks: least X, Y, Z, largest X, Y, Z; not known: least above largest |
-//! | 8 each | points of each kind: class << 56 \| withheld << 55 \| how many; none: they were not counted to the end |
+//! | 8 each | points of each kind: class << 56 \| flags << 52 \| how many; none: they were not counted to the end |
 //! | 8 | XXH3 of all before |
 //!
 //! Entries are written whole or not at all.
 
 use super::LidarFile;
 use super::known::{Known, RawBounds, Told};
+use crate::attribute::{Flags, Kind};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
@@ -27,15 +28,15 @@ use std::time::SystemTime;
 use xxhash_rust::xxh3::{xxh3_64, xxh3_128};
 
 const MAGIC: &[u8; 8] = b"LASRAYCB";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Bytes of a chunk's bounds.
 const BOUNDS: usize = 24;
 /// Bytes of the number of points of a kind.
 const COUNT: usize = 8;
 /// Where in it the kind is.
-const KIND_SHIFT: u32 = 55;
+const KIND_SHIFT: u32 = 52;
 /// Most kinds that there are.
-const MOST_KINDS: usize = 512;
+const MOST_KINDS: usize = 256 * Flags::SETS;
 /// Bytes of the checksum.
 const SUM: usize = 8;
 /// Bytes that all entries together may take.
@@ -45,8 +46,8 @@ const LEAST_RATIO: u64 = 2000;
 /// Names the folder, in the place of the user's cache folder.
 const VARIABLE: &str = "LASRAY_CACHE";
 
-/// Points of each kind: class, and whether they are withheld.
-pub type Counts = BTreeMap<(u8, bool), u64>;
+/// Points of each kind.
+pub type Counts = BTreeMap<Kind, u64>;
 
 /// What is kept of a file.
 #[derive(Debug, Default, PartialEq)]
@@ -225,7 +226,7 @@ impl Entry {
         let count = |word: &[u8; COUNT]| {
             let word = u64::from_le_bytes(*word);
             let kind = word >> KIND_SHIFT;
-            (((kind >> 1) as u8, kind & 1 != 0), word & ((1 << KIND_SHIFT) - 1))
+            (((kind >> 4) as u8, Flags::of(kind as u8)), word & ((1 << KIND_SHIFT) - 1))
         };
         let kinds: Counts = words.iter().map(count).collect();
         let bounds = |raw: &[u8]| {
@@ -242,8 +243,8 @@ impl Entry {
             let RawBounds { min, max } = bounds.unwrap_or(RawBounds::NOTHING);
             raw.extend(min.into_iter().chain(max).flat_map(i32::to_le_bytes));
         }
-        for (&(class, withheld), points) in kinds {
-            let kind = u64::from(class) << 1 | u64::from(withheld);
+        for (&(class, flags), points) in kinds {
+            let kind = u64::from(class) << 4 | u64::from(flags.bits());
             raw.extend((kind << KIND_SHIFT | points).to_le_bytes());
         }
         raw.extend(xxh3_64(&raw).to_le_bytes());

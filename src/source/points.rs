@@ -1,5 +1,7 @@
 //! Decoded points: columns of equal length, one an attribute, and the flags of their classes.
 
+use crate::attribute::Flags;
+
 /// Most records a [`PointBlock`] holds.
 pub const BLOCK_RECORDS: usize = 65_536;
 
@@ -61,10 +63,10 @@ impl PointBlock {
 }
 
 /// Class flag: made by other means than the laser (LAS 1.4 R15, table 9).
-pub const FLAG_SYNTHETIC: u8 = 1;
+pub const FLAG_SYNTHETIC: u8 = Flags::SYNTHETIC.bits();
 /// Class flag: model key-point.
-pub const FLAG_KEY_POINT: u8 = 2;
+pub const FLAG_KEY_POINT: u8 = Flags::KEY_POINT.bits();
 /// Class flag: withheld, i.e. deleted.
-pub const FLAG_WITHHELD: u8 = crate::shared::payload::FLAG_WITHHELD as u8;
+pub const FLAG_WITHHELD: u8 = Flags::WITHHELD.bits();
 /// Class flag: in the overlap of two flight lines (formats 6-10).
-pub const FLAG_OVERLAP: u8 = 8;
+pub const FLAG_OVERLAP: u8 = Flags::OVERLAP.bits();

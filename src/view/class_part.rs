@@ -3,7 +3,7 @@
 use super::layers::{Alone, PRESETS, inverted};
 use super::numbers::{grouped, rough};
 use super::widgets::{LINE, TEXT, WEAK, swatch, weak};
-use crate::attribute::{ClassMask, KindCounts, class_color, class_name};
+use crate::attribute::{ClassMask, Flags, KindCounts, class_color, class_name};
 use crate::resident::visibility::Visibility;
 use egui::{
     Align, Align2, Button, Checkbox, FontId, Id, Label, Layout, Pos2, Rect, RichText, Sense, Ui, vec2,
@@ -12,18 +12,18 @@ use egui::{
 /// Classes that are listed even if there are none: they are hidden at first.
 const NOISE: [u8; 2] = [7, 18];
 
-/// What a number of points of a class is.
-fn about_count(points: u64, withheld: u64, is_exact: bool) -> String {
-    let withheld = |number: fn(u64) -> String| match withheld {
-        0 => String::new(),
-        n => format!(", of which {} are withheld", number(n)),
+/// What the number of points of a class is.
+fn about_count(class: u8, counts: &KindCounts) -> String {
+    let number = if counts.is_exact { grouped } else { rough };
+    let of_flag = |(flag, name)| match counts.flagged(class, flag) {
+        0 => None,
+        n if flag == Flags::WITHHELD => Some(format!("{} are withheld", number(n))),
+        n => Some(format!("{} are flagged {name}", number(n))),
     };
-    match is_exact {
-        true => format!("{} points{}", grouped(points), withheld(grouped)),
-        false => {
-            format!("{} points{}: estimated, until every point was read", rough(points), withheld(rough))
-        }
-    }
+    let flagged: Vec<_> = Flags::ALL.each().filter_map(of_flag).collect();
+    let of_which = if flagged.is_empty() { "" } else { ", of which " };
+    let estimated = if counts.is_exact { "" } else { ": estimated, until every point was read" };
+    format!("{} points{of_which}{}{estimated}", number(counts.of_class(class)), flagged.join(", "))
 }
 
 /// What is done with a class.
@@ -56,10 +56,10 @@ fn line(
         let font = FontId::proportional(13.0);
         ui.painter().text(number.right_center(), Align2::RIGHT_CENTER, class, font, WEAK);
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
-            let [points, withheld] = counts.of_class(class);
+            let points = counts.of_class(class);
             if points > 0 {
                 let words = if counts.is_exact { grouped(points) } else { rough(points) };
-                ui.label(weak(words)).on_hover_text(about_count(points, withheld, counts.is_exact));
+                ui.label(weak(words)).on_hover_text(about_count(class, counts));
             }
             if is_hovered || is_alone {
                 let (words, hint) = match is_alone {
@@ -95,7 +95,7 @@ fn buttons(ui: &mut Ui, visibility: &mut Visibility, counts: &KindCounts, places
         ui.spacing_mut().item_spacing = vec2(4.0, 4.0);
         let mask = &mut visibility.classes;
         for preset in &PRESETS {
-            let shows_any = preset.shows_any(counts, visibility.withheld);
+            let shows_any = preset.shows_any(counts, visibility.hidden_flags);
             let is_shown = shows_any && preset.is_shown(mask, counts);
             let button = Button::new(words(preset.label)).small().selected(is_shown);
             let button = ui.add_enabled(shows_any, button).on_hover_text(preset.words());
@@ -132,7 +132,7 @@ pub fn show(
         ui.label(weak("…"));
         return;
     };
-    let listed = |class: &u8| counts.of_class(*class)[0] > 0 || NOISE.contains(class);
+    let listed = |class: &u8| counts.of_class(*class) > 0 || NOISE.contains(class);
     let mask = &mut visibility.classes;
     for class in (0..=255u8).filter(listed) {
         let is_shown = mask.shows(class);
@@ -152,10 +152,19 @@ mod tests {
 
     #[test]
     fn counts_say_what_they_are() {
-        assert_eq!(about_count(72_763, 0, true), "72,763 points");
+        let counts = |of: &[(Flags, u64)], is_exact| {
+            let of = of.iter().map(|(flags, points)| ((2, *flags), *points)).collect();
+            about_count(2, &KindCounts { of, is_exact })
+        };
+        assert_eq!(counts(&[(Flags::NONE, 72_763)], true), "72,763 points");
         assert_eq!(
-            about_count(24_412, 512, false),
+            counts(&[(Flags::NONE, 23_900), (Flags::WITHHELD, 512)], false),
             "~24 k points, of which ~510 are withheld: estimated, until every point was read"
+        );
+        let both = Flags::WITHHELD.with(Flags::OVERLAP);
+        assert_eq!(
+            counts(&[(Flags::NONE, 7), (Flags::OVERLAP, 2), (both, 3)], true),
+            "12 points, of which 3 are withheld, 5 are flagged overlap"
         );
     }
 }

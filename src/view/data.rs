@@ -2,7 +2,7 @@
 
 use super::fates::{self, Refused};
 use super::watch::{self, News, Stamp, Watch};
-use crate::attribute::{ColorMode, KindCounts};
+use crate::attribute::{ColorMode, Flags, KindCounts};
 use crate::coords::{Bounds, Grid, HEIGHT_STEP, Height, Hull, Outline};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::{Budget, Core};
@@ -195,7 +195,7 @@ pub struct DataStatus {
     pub points_read: u64,
     /// Of what is needed now, how much is read, 0 to 1.
     pub share_read: f64,
-    /// What those files hold, by class: exact once all of it was read.
+    /// What those files hold, by class and flags: exact once all of it was read.
     pub kinds: KindCounts,
     /// Where their points lie, files that are far from the others aside.
     pub extent: Option<Bounds>,
@@ -227,6 +227,8 @@ pub struct DataStatus {
     pub failed: Option<String>,
     /// Why nothing is seen of what there is: every point is hidden, and what shows them.
     pub hidden: Option<String>,
+    /// Flags whose points are hidden.
+    pub hidden_flags: Flags,
     /// What is read again, where other points take part than before or something else of them is stored.
     pub rereading: Option<String>,
 }
@@ -974,7 +976,7 @@ impl Data {
     pub fn is_first(&self) -> bool {
         let [first, now] = [self.options.visibility, self.scene().visibility()];
         let is_first = self.options.selection == self.reading.selection;
-        is_first && (first.classes, first.withheld) == (now.classes, now.withheld)
+        is_first && (first.classes, first.hidden_flags) == (now.classes, now.hidden_flags)
     }
 
     /// Whether every file was taken from the list.
@@ -1097,6 +1099,7 @@ impl Data {
             is_switching: self.scene().is_switching(),
             failed: self.failed.clone(),
             hidden: self.why_hidden(),
+            hidden_flags: self.scene().visibility().hidden_flags,
             rereading: self.rereading.clone(),
         }
     }

@@ -1,6 +1,6 @@
-//! Classes that are shown together: presets, one class alone, all others.
+//! What is shown together: presets of classes, one class alone, all others; flags by the names of their boxes.
 
-use crate::attribute::{ClassMask, KindCounts, class_numbers, classes_named};
+use crate::attribute::{ClassMask, Flags, KindCounts, class_numbers, classes_named};
 use crate::resident::visibility::Visibility;
 
 /// Classes under a name.
@@ -42,28 +42,33 @@ impl Preset {
         }
     }
 
-    /// Whether there are points that it shows, withheld ones among them where those are shown.
-    pub fn shows_any(&self, counts: &KindCounts, withheld: bool) -> bool {
-        let shown = |class: &u8| {
-            let [all, of_them_withheld] = counts.of_class(*class);
-            all > if withheld { 0 } else { of_them_withheld }
-        };
+    /// Whether there are points that it shows, but for those that have one of `hidden` flags.
+    pub fn shows_any(&self, counts: &KindCounts, hidden: Flags) -> bool {
+        let shown = |class: &u8| counts.of_class(*class) > counts.flagged(*class, hidden);
         self.classes().iter().any(shown)
     }
 
     /// Whether `mask` shows the same of the points that there are.
     pub fn is_shown(&self, mask: &ClassMask, counts: &KindCounts) -> bool {
         let own = self.mask();
-        (0..=255).all(|class| own.shows(class) == mask.shows(class) || counts.of_class(class)[0] == 0)
+        (0..=255).all(|class| own.shows(class) == mask.shows(class) || counts.of_class(class) == 0)
     }
 }
+
+/// Each flag, and what its points are called where they are shown and hidden.
+pub const FLAGS: [(Flags, &str); 4] = [
+    (Flags::WITHHELD, "Withheld points"),
+    (Flags::OVERLAP, "Overlap points"),
+    (Flags::SYNTHETIC, "Synthetic points"),
+    (Flags::KEY_POINT, "Key-points"),
+];
 
 /// The preset after the one that is shown: one that shows something, and something else.
 pub fn next(shown: &Visibility, counts: &KindCounts) -> Option<&'static Preset> {
     let is_shown = |preset: &Preset| preset.is_shown(&shown.classes, counts);
     let first = PRESETS.iter().position(is_shown).map_or(0, |at| at + 1);
     let others = PRESETS.iter().cycle().skip(first).take(PRESETS.len());
-    others.into_iter().find(|preset| preset.shows_any(counts, shown.withheld) && !is_shown(preset))
+    others.into_iter().find(|preset| preset.shows_any(counts, shown.hidden_flags) && !is_shown(preset))
 }
 
 /// Shows what is hidden, and hides what is shown.
@@ -98,12 +103,15 @@ impl Alone {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::attribute::Kind;
     use std::collections::BTreeMap;
 
-    fn counts(of: &[(u8, bool)]) -> KindCounts {
+    fn counts(of: &[Kind]) -> KindCounts {
         let of: BTreeMap<_, _> = of.iter().map(|kind| (*kind, 9)).collect();
         KindCounts { of, is_exact: true }
     }
+
+    const NONE: Flags = Flags::NONE;
 
     fn label(preset: Option<&Preset>) -> &'static str {
         preset.map_or("none", |preset| preset.label)
@@ -111,9 +119,9 @@ mod tests {
 
     #[test]
     fn the_key_goes_through_what_there_is() {
-        let there = counts(&[(1, false), (2, false), (5, false), (6, true), (7, false)]);
-        let mut shown =
-            Visibility { classes: ClassMask::default(), withheld: false, bridge: 4, near_ties: true };
+        let there = counts(&[(1, NONE), (2, NONE), (5, NONE), (6, Flags::WITHHELD), (7, NONE)]);
+        let (classes, hidden_flags) = (ClassMask::default(), Flags::WITHHELD);
+        let mut shown = Visibility { classes, hidden_flags, bridge: 4, near_ties: true };
         let mut seen = Vec::new();
         for _ in 0..4 {
             let preset = next(&shown, &there).unwrap();
@@ -122,15 +130,15 @@ mod tests {
         }
         // Buildings are withheld, wires are not there.
         assert_eq!(seen, ["Bare earth", "Vegetation", "Surface", "Bare earth"]);
-        shown.withheld = true;
+        shown.hidden_flags = Flags::OVERLAP;
         assert_eq!(label(next(&shown, &there)), "Buildings");
         // From any other choice to the first.
         shown.classes = ClassMask::only(&[1, 2]);
         assert_eq!(label(next(&shown, &there)), "Surface");
         // Two that show the same are one.
         shown.classes = ClassMask::default();
-        assert_eq!(label(next(&shown, &counts(&[(2, false)]))), "none");
-        assert_eq!(label(next(&shown, &counts(&[(2, false), (14, false)]))), "Bare earth");
+        assert_eq!(label(next(&shown, &counts(&[(2, NONE)]))), "none");
+        assert_eq!(label(next(&shown, &counts(&[(2, NONE), (14, NONE)]))), "Bare earth");
         assert_eq!(label(next(&shown, &counts(&[]))), "none");
     }
 
@@ -140,7 +148,7 @@ mod tests {
         let [surface, earth, buildings, vegetation, power] = words.each_ref().map(|words| &words[..]);
         assert_eq!([surface, earth], ["all but noise", "classes 2,9,10,11,41"]);
         assert_eq!([buildings, vegetation, power], ["classes 6", "classes 3,4,5", "classes 13-16"]);
-        let wires = counts(&[(2, false), (14, false)]);
+        let wires = counts(&[(2, NONE), (14, NONE)]);
         assert!(PRESETS[4].is_shown(&ClassMask::only(&[14, 99]), &wires), "there is no other");
         assert!(!PRESETS[4].is_shown(&ClassMask::only(&[2, 14]), &wires));
     }

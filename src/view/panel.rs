@@ -6,14 +6,14 @@ use super::color_part;
 use super::data::{DataAbout, DataStatus};
 use super::fates::Refused;
 use super::file_list::{self, FileRequest};
-use super::layers::Alone;
+use super::layers::{Alone, FLAGS};
 use super::numbers::short;
 use super::pick;
 use super::selection_part::SelectionPart;
 use super::settings::{BRIDGE, Settings};
 use super::state::State;
 use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, weak};
-use crate::attribute::{Channel, ColorTable, class_color, class_name};
+use crate::attribute::{Channel, ColorTable, Flags, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
 use crate::text::{harmless, tidy};
@@ -313,7 +313,7 @@ impl Panel {
             if ui.checkbox(&mut is_lit, "Sun and sky").changed() {
                 settings.shade = if is_lit { Shade::Lit } else { Shade::None };
             }
-            ui.checkbox(&mut settings.visibility.withheld, "Withheld points");
+            flags(ui, &mut settings.visibility.hidden_flags, content, &mut requests.places);
         });
         part(ui, "Files", true, |ui| {
             let files = content.about.map_or(&[][..], |about| &about.files);
@@ -336,6 +336,19 @@ impl Panel {
                     ui.label(RichText::new(line).small());
                 }
             });
+        }
+    }
+}
+
+/// Boxes of withheld points, and of flags that points have or that are hidden.
+fn flags(ui: &mut Ui, hidden: &mut Flags, content: &PanelContent, places: &mut Vec<(String, Pos2)>) {
+    let there = content.status.kinds.flags().with(*hidden).with(Flags::WITHHELD);
+    for (flag, name) in FLAGS.into_iter().filter(|(flag, _)| there.has_any(*flag)) {
+        let mut is_shown = !hidden.has_any(flag);
+        let check = ui.checkbox(&mut is_shown, name);
+        places.push((name.to_lowercase(), check.rect.center()));
+        if check.changed() {
+            *hidden = if is_shown { hidden.without(flag) } else { hidden.with(flag) };
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::data::{Data, DataAbout};
 use super::settings::Settings;
-use crate::attribute::{ClassMask, ColorRange, ColorTable};
+use crate::attribute::{ClassMask, ColorRange, ColorTable, Flags};
 use crate::render::camera::{Camera, DEFAULT_FOV, Projection};
 use crate::render::frame::Shade;
 use crate::render::path::CameraPath;
@@ -162,7 +162,12 @@ fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     } else if settings.visibility.bridge == 0 {
         options.push(("no-bridge", OptionValue::Flag(true)));
     }
-    let flags = [("mix-crs", read.placement.mix_crs), ("withheld", settings.visibility.withheld)];
+    let hidden = settings.visibility.hidden_flags;
+    let others = hidden.without(Flags::WITHHELD);
+    if !others.is_empty() {
+        options.push(("hide-flags", text(others.list())));
+    }
+    let flags = [("mix-crs", read.placement.mix_crs), ("withheld", !hidden.has_any(Flags::WITHHELD))];
     options.extend(
         flags.into_iter().filter(|(_, is_on)| *is_on).map(|(name, _)| (name, OptionValue::Flag(true))),
     );

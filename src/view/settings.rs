@@ -56,7 +56,7 @@ pub struct Settings {
     pub differences: Scale,
     /// Points that take part.
     pub selection: Selection,
-    /// Classes, withheld points, bridges.
+    /// Classes, flags, bridges.
     pub visibility: Visibility,
     /// Vertical exaggeration.
     pub z_scale: f64,

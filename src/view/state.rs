@@ -1,6 +1,7 @@
 //! What is going on, in words: in the status bar, and over an image on which nothing is seen.
 
 use super::data::DataStatus;
+use super::layers::FLAGS;
 use super::numbers::short;
 use super::selection_part::rereading;
 
@@ -76,10 +77,15 @@ impl State {
         let words = |words: &str| Some((words.to_owned(), None));
         match self {
             State::Failed | State::Shown | State::Switching => None,
-            State::AllHidden if status.kinds.of.keys().any(|(_, withheld)| *withheld) => {
-                words("Every point is hidden: check classes, or “Withheld points”")
+            State::AllHidden => {
+                let hidden = status.kinds.flags().and(status.hidden_flags);
+                let boxes = FLAGS.iter().filter(|(flag, _)| hidden.has_any(*flag));
+                let boxes: Vec<_> = boxes.map(|(_, name)| format!("“{name}”")).collect();
+                match boxes.is_empty() {
+                    true => words("Every point is hidden: check some of the classes"),
+                    false => words(&format!("Every point is hidden: check classes, or {}", boxes.join(", "))),
+                }
             }
-            State::AllHidden => words("Every point is hidden: check some of the classes"),
             State::Opening => words("Opening …"),
             State::NoFiles => words("Drop files or folders here"),
             State::NoFileShown => words("No file is shown: check one in the list of files"),
@@ -110,7 +116,7 @@ pub fn read(status: &DataStatus) -> String {
 /// Points of each class, for the log of events.
 pub fn logged_counts(status: &DataStatus) -> String {
     let counts = &status.kinds;
-    let classes = (0..=255u8).map(|class| (class, counts.of_class(class)[0]));
+    let classes = (0..=255u8).map(|class| (class, counts.of_class(class)));
     let listed: Vec<_> = classes.filter(|(_, n)| *n > 0).map(|(class, n)| format!("{class}:{n}")).collect();
     format!("{} {}", if counts.is_exact { "exact" } else { "estimated" }, listed.join(" "))
 }
@@ -118,7 +124,7 @@ pub fn logged_counts(status: &DataStatus) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::attribute::KindCounts;
+    use crate::attribute::{Flags, KindCounts};
 
     /// Files (shown, all), opening, complete, share read, failed, hidden.
     fn status(files: [u64; 2], is_opening: bool, is_complete: bool, share_read: f64) -> DataStatus {
@@ -141,7 +147,10 @@ mod tests {
         let all = status([1, 1], false, true, 1.0);
         let over = |status: &DataStatus| State::of(status, true).over_image(status).map(|(words, _)| words);
         let short = |status: &DataStatus, is_empty: bool| State::of(status, is_empty).in_short(status, None);
-        let withheld = KindCounts { of: [((2, true), 5)].into(), is_exact: true };
+        let (withheld, overlap) = (Flags::WITHHELD, Flags::OVERLAP);
+        let flagged = KindCounts { of: [((2, withheld), 5), ((2, overlap), 5)].into(), is_exact: true };
+        let hiding =
+            |hidden_flags| DataStatus { hidden: why(), kinds: flagged.clone(), hidden_flags, ..all.clone() };
         let cases = [
             (status([0, 0], true, false, 0.0), "opening", Some("Opening …")),
             (status([0, 0], false, true, 0.0), "no files", Some("Drop files or folders here")),
@@ -171,9 +180,14 @@ mod tests {
                 Some("Every point is hidden: check some of the classes"),
             ),
             (
-                DataStatus { hidden: why(), kinds: withheld, ..all.clone() },
+                hiding(withheld),
                 "every point is hidden",
                 Some("Every point is hidden: check classes, or “Withheld points”"),
+            ),
+            (
+                hiding(Flags::ALL),
+                "every point is hidden",
+                Some("Every point is hidden: check classes, or “Withheld points”, “Overlap points”"),
             ),
             (DataStatus { failed: why(), ..all.clone() }, "failed", None),
             (DataStatus { failed: why(), hidden: why(), ..status([0, 0], false, true, 0.0) }, "failed", None),

@@ -204,7 +204,8 @@ impl Viewer {
         let visibility = self.settings.seen();
         if self.data.scene().visibility() != visibility {
             let shown: Vec<_> = (0..=255u8).filter(|&c| visibility.classes.shows(c)).collect();
-            self.log.line(format_args!("classes shown {} bridge {}", shown.len(), visibility.bridge));
+            let (hidden, bridge) = (visibility.hidden_flags.list(), visibility.bridge);
+            self.log.line(format_args!("classes shown {} bridge {bridge} hidden {hidden}", shown.len()));
             self.data.scene_mut().switch_visibility(visibility)?;
             self.redraw.outdate();
         }

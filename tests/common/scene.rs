@@ -1,7 +1,7 @@
 //! Scenes as the program makes them, and the same points read apart from it.
 #![allow(dead_code)] // each test file uses its part
 
-use lasray::attribute::{AttributeSummary, ClassMask, ColorMode, ColorTable};
+use lasray::attribute::{AttributeSummary, ClassMask, ColorMode, ColorTable, Flags};
 use lasray::coords::{Bounds, Grid, Height, LowSurface, SectionKey, Slab};
 use lasray::gpu::{Gpu, Order};
 use lasray::ingest::bins::Budget;
@@ -23,8 +23,12 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Everything shown but noise, measured cells only.
-pub const MEASURED: fn() -> Visibility =
-    || Visibility { classes: ClassMask::default(), withheld: false, bridge: 0, near_ties: false };
+pub const MEASURED: fn() -> Visibility = || Visibility {
+    classes: ClassMask::default(),
+    hidden_flags: Flags::WITHHELD,
+    bridge: 0,
+    near_ties: false,
+};
 /// As pictures are made by default.
 pub const BRIDGED: fn() -> Visibility = || Visibility { bridge: 4, ..MEASURED() };
 

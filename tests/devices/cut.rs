@@ -11,6 +11,7 @@ use lasray::render::image::Image;
 use lasray::render::reference::{ColumnMap, Hit, Point, Spacing, StackMap, Tolerance, compare};
 use lasray::resident::cut::Shown;
 use lasray::section::Surface;
+use lasray::source::FLAG_WITHHELD;
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -31,8 +32,8 @@ impl Map {
     fn build(points: &[Point], lattice: [f64; 2], surface: Surface, level: u8) -> Map {
         let (points, mask) = (points.iter().copied(), ClassMask::default());
         match surface {
-            Surface::Columns => Map::Columns(ColumnMap::build(points, lattice, &mask, false)),
-            _ => Map::Stacks(StackMap::build(points, lattice, spacing(lattice, level), &mask, false)),
+            Surface::Columns => Map::Columns(ColumnMap::build(points, lattice, &mask, FLAG_WITHHELD)),
+            _ => Map::Stacks(StackMap::build(points, lattice, spacing(lattice, level), &mask, FLAG_WITHHELD)),
         }
     }
 

@@ -2,7 +2,7 @@
 
 use crate::common::{self, LAVAPIPE};
 use glam::{IVec2, ivec2};
-use lasray::attribute::{Attributes, ClassMask, Record, tells_nothing};
+use lasray::attribute::{Attributes, ClassMask, Flags, Record, tells_nothing};
 use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
 use lasray::resident::pool::Access;
@@ -10,7 +10,7 @@ use lasray::resident::scene::{ReadBack, Scene};
 use lasray::resident::visibility::{ColumnData, Visibility};
 use lasray::section::{Columns, Derived, Payload, Surface, column_at};
 use lasray::shared::payload::{FLOAT_MEANS, LIST_COUNTS, STACK_LIST, STACK_SPANS};
-use lasray::source::{FLAG_OVERLAP, FLAG_WITHHELD};
+use lasray::source::{FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD};
 use std::collections::BTreeMap;
 
 const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
@@ -18,7 +18,7 @@ const SIDE: i32 = SECTION_SIDE as i32;
 /// An eighth of a cell, lattice steps.
 const TIE: i32 = 32;
 
-/// Holes of all sizes, chains, withheld points, steep steps; every other section too high for 16 bits.
+/// Holes of all sizes, chains, points of all flags, steep steps; every other section too high for 16 bits.
 fn section(i: i32, j: i32) -> Payload {
     section_of(Columns::default(), [i, j])
 }
@@ -40,7 +40,7 @@ fn section_of(mut columns: Columns, [i, j]: [i32; 2]) -> Payload {
         // From dense in the west to a few columns in the east.
         if hash(1) % 256 >= x.max(20) * 15 / 16 {
             let ground = 9000 + x * 3 + y * 5 + hash(2) % 300;
-            add(ground, 2, 0);
+            add(ground, 2, if hash(16) % 4 == 0 { FLAG_OVERLAP } else { 0 });
             // About as high, of classes that tell nothing.
             if hash(13) % 3 == 0 {
                 add(ground + hash(14) % 64, [0, 1, 12][hash(15) as usize % 3], 0);
@@ -50,7 +50,8 @@ fn section_of(mut columns: Columns, [i, j]: [i32; 2]) -> Payload {
             add(9000 + hash(4) % 9000, [5, 6, 200][hash(5) as usize % 3], 0);
         }
         if hash(6) % 19 == 0 {
-            add(9000 + hash(7) % 15000, 6, FLAG_WITHHELD);
+            let flags = [FLAG_WITHHELD, FLAG_SYNTHETIC, FLAG_KEY_POINT, FLAG_OVERLAP | FLAG_WITHHELD];
+            add(9000 + hash(7) % 15000, 6, flags[hash(17) as usize % 4]);
         }
     }
     // Long chains in the first and the second half of a block, the second with more than are kept.
@@ -93,7 +94,7 @@ type Tops = BTreeMap<(i32, i32), (u32, i32)>;
 
 fn tops(key: SectionKey, packed: &Payload, shown: &Visibility, column_data: ColumnData, tops: &mut Tops) {
     packed.columns(|column, runs| {
-        let mut seen = runs.iter().filter(|r| shown.shows(r.class(), r.flags() & FLAG_WITHHELD != 0));
+        let mut seen = runs.iter().filter(|r| shown.shows(r.kind()));
         if let Some(top) = seen.next() {
             let height = top.unpack().expect("a run").height;
             let as_high = |r: &&Record| height.0 - r.unpack().expect("a run").height.0 <= TIE;
@@ -205,7 +206,7 @@ fn derived_parts_are_as_specified() {
         let sections: Vec<_> = places.map(|(i, j)| (SectionKey { level: 0, i, j }, section(i, j))).collect();
         let shown = Visibility {
             classes: ClassMask::only(&[2, 5, 6, 200]),
-            withheld: true,
+            hidden_flags: Flags::NONE,
             bridge: 0,
             near_ties: false,
         };
@@ -232,16 +233,19 @@ fn derived_parts_are_as_specified() {
             check(&mut scene, &sections, shown, ColumnData::Colors);
             scene.set_column_data(ColumnData::Values).unwrap();
             check(&mut scene, &sections, shown, ColumnData::Values);
-            for (classes, withheld, bridge, near_ties) in [
-                (ClassMask::only(&[2, 5, 6, 200]), true, 4, false),
-                (ClassMask::only(&[5, 200]), false, 4, true),
-                (ClassMask::only(&[2]), false, 2, true),
-                (ClassMask::only(&[6]), true, 0, false),
-                (ClassMask::all(), false, 4, false),
-                (ClassMask::all(), false, 4, true),
-                (ClassMask::only(&[0, 1, 2, 12]), false, 0, true),
+            for (classes, hidden_flags, bridge, near_ties) in [
+                (ClassMask::only(&[2, 5, 6, 200]), Flags::NONE, 4, false),
+                (ClassMask::only(&[5, 200]), Flags::WITHHELD, 4, true),
+                (ClassMask::only(&[2]), Flags::WITHHELD, 2, true),
+                (ClassMask::only(&[6]), Flags::NONE, 0, false),
+                (ClassMask::all(), Flags::WITHHELD, 4, false),
+                (ClassMask::all(), Flags::WITHHELD, 4, true),
+                (ClassMask::only(&[0, 1, 2, 12]), Flags::WITHHELD, 0, true),
+                (ClassMask::all(), Flags::OVERLAP, 4, true),
+                (ClassMask::only(&[2, 5, 6]), Flags::ALL, 0, false),
+                (ClassMask::all(), Flags::SYNTHETIC.with(Flags::KEY_POINT), 4, false),
             ] {
-                let shown = Visibility { classes, withheld, bridge, near_ties };
+                let shown = Visibility { classes, hidden_flags, bridge, near_ties };
                 scene.set_visibility(shown).unwrap();
                 scene.set_column_data(ColumnData::Colors).unwrap();
                 check(&mut scene, &sections, shown, ColumnData::Colors);
@@ -273,7 +277,8 @@ fn codes_span_all_heights() {
             }
             columns.pack()
         };
-        let shown = Visibility { classes: ClassMask::all(), withheld: true, bridge: 4, near_ties: false };
+        let shown =
+            Visibility { classes: ClassMask::all(), hidden_flags: Flags::NONE, bridge: 4, near_ties: false };
         for surface in [Surface::Columns, Surface::Smooth] {
             // Of narrow codes, with two neighbours that lie high above and reach as low.
             let sections: Vec<_> = [([0, 0], low), ([1, 0], high), ([0, 1], high)]
@@ -341,17 +346,24 @@ fn masks_of_stacks_copy_nothing_and_come_back_word_for_word() {
         // Of both widths of codes.
         let keys = [[0, 0], [1, 0], [0, 1]].map(|[i, j]| SectionKey { level: 0, i, j });
         let masks: Vec<_> = [
-            (ClassMask::default(), false, 4, true),
-            (ClassMask::all(), true, 0, false),
-            (ClassMask::only(&[5, 200]), false, 4, true),
-            (ClassMask::default().without(&[2]), true, 4, false),
-            (ClassMask::only(&[2, 6]), false, 2, true),
-            (ClassMask::default().without(&[5, 6]), false, 0, false),
-            (ClassMask::only(&[1, 12, 200]), true, 0, true),
-            (ClassMask::only(&[99]), false, 4, false),
+            (ClassMask::default(), Flags::WITHHELD, 4, true),
+            (ClassMask::all(), Flags::NONE, 0, false),
+            (ClassMask::only(&[5, 200]), Flags::WITHHELD, 4, true),
+            (ClassMask::default().without(&[2]), Flags::NONE, 4, false),
+            (ClassMask::only(&[2, 6]), Flags::WITHHELD, 2, true),
+            (ClassMask::default().without(&[5, 6]), Flags::WITHHELD, 0, false),
+            (ClassMask::only(&[1, 12, 200]), Flags::NONE, 0, true),
+            (ClassMask::only(&[99]), Flags::WITHHELD, 4, false),
+            (ClassMask::all(), Flags::OVERLAP, 4, true),
+            (ClassMask::default(), Flags::ALL, 0, true),
         ]
         .into_iter()
-        .map(|(classes, withheld, bridge, near_ties)| Visibility { classes, withheld, bridge, near_ties })
+        .map(|(classes, hidden_flags, bridge, near_ties)| Visibility {
+            classes,
+            hidden_flags,
+            bridge,
+            near_ties,
+        })
         .collect();
         for access in [Access::Address, Access::Texels, Access::StorageBuffer] {
             let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, masks[0], GRID).unwrap();
@@ -377,8 +389,8 @@ fn masks_of_stacks_copy_nothing_and_come_back_word_for_word() {
             }
             let now = scene.counters();
             assert_eq!([now.section_bytes, now.sections], [uploaded.section_bytes, uploaded.sections]);
-            // 7 other masks, 7 on the way back, 2 on the way there again.
-            assert_eq!(now.builds, uploaded.builds + 3 * (7 + 7 + 2));
+            // 9 other masks, 9 on the way back, 3 on the way there again.
+            assert_eq!(now.builds, uploaded.builds + 3 * (9 + 9 + 3));
         }
         assert_eq!(gpu.messages(), [""; 0]);
     });
@@ -405,7 +417,12 @@ fn all_of_many_spans_float() {
                 });
             }
         }
-        let shown = Visibility { classes: ClassMask::all(), withheld: false, bridge: 0, near_ties: false };
+        let shown = Visibility {
+            classes: ClassMask::all(),
+            hidden_flags: Flags::WITHHELD,
+            bridge: 0,
+            near_ties: false,
+        };
         let mut scene = Scene::new(&gpu, |o: Order| o, Access::Address, 100 << 20, shown, GRID).unwrap();
         let key = SectionKey { level: 0, i: 0, j: 0 };
         assert!(scene.upload(key, &columns.pack()).unwrap());
@@ -422,7 +439,12 @@ fn a_roof_that_is_not_classified_stands_on_every_level() {
     common::run("derived::a_roof_that_is_not_classified_stands_on_every_level", LAVAPIPE, |setup| {
         let gpu = setup.gpu();
         let grid = Grid { base_cell: 0.5, ..GRID };
-        let shown = Visibility { classes: ClassMask::all(), withheld: false, bridge: 0, near_ties: false };
+        let shown = Visibility {
+            classes: ClassMask::all(),
+            hidden_flags: Flags::WITHHELD,
+            bridge: 0,
+            near_ties: false,
+        };
         let mut scene = Scene::new(&gpu, |o: Order| o, Access::Address, 100 << 20, shown, grid).unwrap();
         // 45 m wide and 30 m high, from where no coarser cell begins.
         let (roof, height) = (37..127u32, grid.height(30.0).unwrap());
@@ -457,7 +479,7 @@ fn neighbours_follow_what_comes_changes_and_goes() {
         let gpu = setup.gpu();
         let shown = Visibility {
             classes: ClassMask::only(&[2, 5, 6, 200]),
-            withheld: true,
+            hidden_flags: Flags::NONE,
             bridge: 4,
             near_ties: false,
         };

@@ -4,7 +4,7 @@
 use crate::common::{self, LAVAPIPE};
 use crate::derived::bridge;
 use glam::{IVec2, ivec2};
-use lasray::attribute::{Attributes, ClassMask, Record};
+use lasray::attribute::{Attributes, ClassMask, Flags, Record};
 use lasray::coords::{Grid, HEIGHT_STEP, Height, SECTION_COLUMNS, SECTION_SIDE, SectionKey};
 use lasray::gpu::Order;
 use lasray::resident::pool::Access;
@@ -15,7 +15,7 @@ use lasray::shared::payload::{
     FLOAT_MEANS, LIST_CODES, LIST_COUNTS, LIST_ROWS, LIST_SOLID, LIST_TOP, STACK_LEVEL_1, STACK_LEVEL_2,
     STACK_LIST, STACK_SPANS,
 };
-use lasray::source::{FLAG_OVERLAP, FLAG_WITHHELD};
+use lasray::source::{FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD};
 
 const GRID: Grid = Grid { base_cell: 0.25, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
 const SIDE: usize = SECTION_SIDE as usize;
@@ -52,7 +52,11 @@ fn forest(SectionKey { level, i, j }: SectionKey, high: bool) -> Payload {
         let is_hollow = is_in(HOLLOW[0], x) && is_in(HOLLOW[1], y);
         let (is_open, is_roof) = (x < 44, is_in([12, 33], x) && is_in([60, 81], y));
         let ground = 20_000 + x * 3 + y * 5 + hash(1) % 60;
-        let flags = if hash(2) % 23 == 0 { FLAG_WITHHELD } else { (hash(2) % 5 / 4) as u8 * FLAG_OVERLAP };
+        let flags = match hash(2) {
+            withheld if withheld % 23 == 0 => FLAG_WITHHELD,
+            made if made % 29 == 0 => FLAG_SYNTHETIC | FLAG_KEY_POINT,
+            other => (other % 5 / 4) as u8 * FLAG_OVERLAP,
+        };
         if is_roof {
             // Eaves, a little lower or higher than the rest, now and then over ground.
             let is_rim = x < 15 || y > 77;
@@ -119,7 +123,7 @@ impl Host {
         packed.columns_with_depths(|column, runs, depths| {
             let [x, y] = column_at(column).map(|v| v as usize);
             let seen = runs.iter().zip(depths);
-            let seen = seen.filter(|(r, _)| shown.shows(r.class(), r.flags() & FLAG_WITHHELD != 0));
+            let seen = seen.filter(|(r, _)| shown.shows(r.kind()));
             let low = |r: &Record, depth| stacking.height_at_depth(r.height().expect("a run"), depth);
             spans[y * SIDE + x].extend(seen.map(|(r, depth)| (*r, low(r, *depth))));
         });
@@ -574,7 +578,12 @@ fn stacks_are_derived_as_specified() {
             .into();
         assert_eq!([0, 1, 2].map(|k: usize| sections[k].1.layout.code.wide), [false, true, false]);
         let all: Vec<_> = sections.iter().map(|(key, packed)| (*key, packed)).collect();
-        let usual = Visibility { classes: ClassMask::default(), withheld: false, bridge: 4, near_ties: true };
+        let usual = Visibility {
+            classes: ClassMask::default(),
+            hidden_flags: Flags::WITHHELD,
+            bridge: 4,
+            near_ties: true,
+        };
         for access in [Access::Address, Access::StorageBuffer] {
             let mut scene = Scene::new(&gpu, |o: Order| o, access, 100 << 20, usual, GRID).unwrap();
             // Alone, with its neighbours, and without one again.
@@ -593,15 +602,17 @@ fn stacks_are_derived_as_specified() {
             let Counted { floating, bridged, filled, open, outside } = counted;
             assert!([floating, bridged, filled].iter().all(|n| *n > 20_000), "{counted:?}");
             assert!(open > 1000 && outside > 1000, "{counted:?}");
-            for (classes, withheld, bridge, near_ties, column_data) in [
-                (ClassMask::all(), true, 4, false, ColumnData::Values),
-                (ClassMask::only(&[2, 5, 14]), false, 2, true, ColumnData::Colors),
-                (ClassMask::default().without(&[2]), false, 4, true, ColumnData::Colors),
-                (ClassMask::only(&[0, 1, 2, 12, 200]), true, 1, true, ColumnData::Values),
-                (ClassMask::default().without(&[5]), false, 0, true, ColumnData::Colors),
-                (ClassMask::only(&[99]), false, 4, false, ColumnData::Colors),
+            for (classes, hidden_flags, bridge, near_ties, column_data) in [
+                (ClassMask::all(), Flags::NONE, 4, false, ColumnData::Values),
+                (ClassMask::only(&[2, 5, 14]), Flags::WITHHELD, 2, true, ColumnData::Colors),
+                (ClassMask::default().without(&[2]), Flags::WITHHELD, 4, true, ColumnData::Colors),
+                (ClassMask::only(&[0, 1, 2, 12, 200]), Flags::NONE, 1, true, ColumnData::Values),
+                (ClassMask::default().without(&[5]), Flags::WITHHELD, 0, true, ColumnData::Colors),
+                (ClassMask::only(&[99]), Flags::WITHHELD, 4, false, ColumnData::Colors),
+                (ClassMask::all(), Flags::OVERLAP, 4, true, ColumnData::Values),
+                (ClassMask::default(), Flags::ALL, 4, true, ColumnData::Colors),
             ] {
-                let shown = Visibility { classes, withheld, bridge, near_ties };
+                let shown = Visibility { classes, hidden_flags, bridge, near_ties };
                 scene.set_visibility(shown).unwrap();
                 scene.set_column_data(column_data).unwrap();
                 println!("{shown:?}: {:?}", check(&mut scene, &all, shown, column_data));
@@ -626,7 +637,8 @@ fn stacks_are_derived_as_specified() {
 fn ground_goes_on_beneath_crowns_and_ends() {
     common::run("filled::ground_goes_on_beneath_crowns_and_ends", LAVAPIPE, |setup| {
         let gpu = setup.gpu();
-        let shown = Visibility { classes: ClassMask::all(), withheld: true, bridge: 4, near_ties: true };
+        let shown =
+            Visibility { classes: ClassMask::all(), hidden_flags: Flags::NONE, bridge: 4, near_ties: true };
         let mut scene = Scene::new(&gpu, |o: Order| o, Access::Address, 100 << 20, shown, GRID).unwrap();
         for ground in [95, 96, 103, 111] {
             let mut columns = Columns::new(Surface::Stacks, GRID.stacking(0));

@@ -5,7 +5,7 @@ use super::common::LAVAPIPE;
 use super::live::{PLENTY, World, run_with, tiles};
 use super::scene::{BRIDGED, MEASURED};
 use glam::DVec3;
-use lasray::attribute::ClassMask;
+use lasray::attribute::{ClassMask, Flags};
 use lasray::gpu::Gpu;
 use lasray::render::camera::{Camera, Projection};
 use lasray::render::image::Image;
@@ -150,7 +150,7 @@ fn in_the_end_it_is_as_if_it_had_been_so_from_the_start() {
     let test = "layers::in_the_end_it_is_as_if_it_had_been_so_from_the_start";
     run_with(test, LAVAPIPE, &ALL, |setup, surface| {
         let gpu = setup.gpu();
-        let ground = only(BRIDGED(), &[2]);
+        let ground = Visibility { hidden_flags: Flags::OVERLAP, ..only(BRIDGED(), &[2]) };
         let picture = |world: &mut World, camera: &Camera| -> Image {
             let sight = world.sight(camera, 1.0);
             world.complete(&sight);
@@ -174,6 +174,15 @@ fn in_the_end_it_is_as_if_it_had_been_so_from_the_start() {
         finish(&mut world, &sight);
         let is = picture(&mut world, &camera);
         assert_eq!((&is.color, &is.distance, &is.class), (&want.color, &want.distance, &want.class));
+
+        // The flag alone.
+        let with_overlap = only(BRIDGED(), &[2]);
+        for to in [with_overlap, ground] {
+            world.scene.switch_visibility(to).unwrap();
+            assert!(world.scene.is_switching());
+            finish(&mut world, &sight);
+            assert_eq!(picture(&mut world, &camera).color == want.color, to == ground);
+        }
 
         // At once where that is asked for, as where a picture is saved.
         world.scene.switch_visibility(BRIDGED()).unwrap();

@@ -16,6 +16,7 @@ use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::table::Table;
 use lasray::section::{Columns, PayloadKey, Surface};
+use lasray::source::FLAG_WITHHELD;
 use lasray::source::placement::PlacementOptions;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -88,7 +89,8 @@ fn a_pick_is_the_record_that_won_the_column() {
         let data = Data::load(std::slice::from_ref(&path), Some(CELL));
         let points = scene::points(&path, &data.placement);
         let step = data.grid.height_step;
-        let map = ColumnMap::build(points.iter().copied(), [CELL, step], &ClassMask::default(), false);
+        let map =
+            ColumnMap::build(points.iter().copied(), [CELL, step], &ClassMask::default(), FLAG_WITHHELD);
         let of_cells = highest(&points, CELL);
         let b = data.bounds;
         let eye = b.center().with_z(b.min.z + 12.0);

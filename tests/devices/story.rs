@@ -91,9 +91,8 @@ impl Story {
 
     /// Highest thing of the version that is not raised.
     fn top(&self, visibility: &Visibility) -> i32 {
-        let shown =
-            self.data.sections[0].1.highest_of.iter().filter(|(c, w, _)| visibility.classes.shows(*c) && !w);
-        shown.map(|(_, _, h)| h.0).max().expect("the section has such a class")
+        let shown = self.data.sections[0].1.highest_of.iter().filter(|(kind, _)| visibility.shows(*kind));
+        shown.map(|(_, h)| h.0).max().expect("the section has such a class")
     }
 
     /// What the scene would name in a table now.

@@ -17,6 +17,7 @@ use lasray::render::reference::shade::{is_seen, shade};
 use lasray::render::reference::{ColumnMap, Hit, Point};
 use lasray::resident::pool::Access;
 use lasray::shared::passes::{TILE, WIDE_TILE};
+use lasray::source::FLAG_WITHHELD;
 
 /// Neither a multiple of a tile nor of a wide one, of which there are six.
 const SIZE: [u32; 2] = [150, 100];
@@ -32,7 +33,7 @@ fn houses() -> (Data, Vec<Point>) {
 
 fn columns(data: &Data, points: &[Point]) -> ColumnMap {
     let steps = [data.grid.cell(), data.grid.height_step];
-    ColumnMap::build(points.iter().copied(), steps, &ClassMask::default(), false)
+    ColumnMap::build(points.iter().copied(), steps, &ClassMask::default(), FLAG_WITHHELD)
 }
 
 /// From above, from among the houses, and parallel.

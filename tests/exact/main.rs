@@ -22,6 +22,7 @@ use lasray::render::reference::{ColumnMap, Hit, Tolerance, compare};
 use lasray::resident::pool::Access;
 use lasray::resident::scene::Scene;
 use lasray::resident::visibility::Visibility;
+use lasray::source::FLAG_WITHHELD;
 use scene::{Data, MEASURED, points, real_files};
 use std::path::{Path, PathBuf};
 
@@ -202,7 +203,7 @@ fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8])
         points.iter().copied(),
         [data.grid.cell(), data.grid.height_step],
         &ClassMask::default(),
-        false,
+        FLAG_WITHHELD,
     );
     println!("{name}: {} points, cell {}, {} columns", points.len(), data.grid.cell(), map.len());
     let mut shots = main_shots(&data, &map);
@@ -217,7 +218,7 @@ fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, mask: &[u8])
             points.iter().copied(),
             [data.grid.cell(), data.grid.height_step],
             &classes,
-            false,
+            FLAG_WITHHELD,
         );
         wrong.extend(check(
             &data,

@@ -13,6 +13,7 @@ use lasray::render::camera::{Camera, Projection};
 use lasray::render::image::MISS_CLASS;
 use lasray::render::reference::ColumnMap;
 use lasray::resident::pool::Access;
+use lasray::source::FLAG_WITHHELD;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -165,7 +166,7 @@ fn check_town(
     let mut renderer = data.renderer(&scene);
     let points = points(path, &data.placement);
     let lattice = [data.grid.cell(), step];
-    let map = ColumnMap::build(points, lattice, &ClassMask::default(), false);
+    let map = ColumnMap::build(points, lattice, &ClassMask::default(), FLAG_WITHHELD);
     let name = path.file_name().unwrap().to_string_lossy().into_owned();
     let wrong = check(&data, &map, &mut scene, &mut renderer, &name, &more(&data));
     assert_eq!(gpu.messages(), [""; 0]);

@@ -99,7 +99,11 @@ fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, masks: &[Mas
     let mut wrong = check(&data, &map, (&mut scene, &mut renderer), &name, &shots);
     for mask in masks {
         scene
-            .set_visibility(Visibility { classes: mask.classes, withheld: mask.withheld, ..MEASURED() })
+            .set_visibility(Visibility {
+                classes: mask.classes,
+                hidden_flags: mask.hidden_flags,
+                ..MEASURED()
+            })
             .unwrap();
         let map = smooth_map(&data, &points, mask);
         let what = format!("{name}, {}", mask.name);

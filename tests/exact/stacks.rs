@@ -4,7 +4,7 @@ use crate::common::{self, LAVAPIPE};
 use crate::scene::{self, Data, MEASURED, points, real_files};
 use crate::{ODD, Shot, WIDE, odd_shots, shot};
 use glam::DVec3;
-use lasray::attribute::ClassMask;
+use lasray::attribute::{ClassMask, Flags};
 use lasray::coords::Grid;
 use lasray::gpu::Gpu;
 use lasray::load::LoadOptions;
@@ -37,18 +37,18 @@ const SIZE: [u32; 2] = [160, 90];
 pub struct Mask {
     pub name: &'static str,
     pub classes: ClassMask,
-    pub withheld: bool,
+    pub hidden_flags: Flags,
 }
 
 pub fn mask(name: &'static str, classes: ClassMask) -> Mask {
-    Mask { name, classes, withheld: false }
+    Mask { name, classes, hidden_flags: Flags::WITHHELD }
 }
 
 /// Of the ground and what stands on it, of what floats, and of both; without the ground no gap is seen below the rest.
 fn masks() -> Vec<Mask> {
     let (default, only) = (ClassMask::default(), ClassMask::only);
     vec![
-        Mask { name: "all, withheld too", classes: ClassMask::all(), withheld: true },
+        Mask { name: "all, withheld too", classes: ClassMask::all(), hidden_flags: Flags::NONE },
         mask("all", ClassMask::all()),
         mask("no ground", default.without(&[2])),
         mask("no vegetation", default.without(&[3, 4, 5])),
@@ -56,14 +56,26 @@ fn masks() -> Vec<Mask> {
         mask("ground and unclassified", only(&[1, 2])),
         mask("ground and high vegetation", only(&[2, 5])),
         mask("vegetation, wires, towers, bridges", only(&[3, 4, 5, 13, 14, 15, 16, 17])),
-        Mask { name: "default, withheld too", classes: default, withheld: true },
-        Mask { name: "what stands, withheld too", classes: only(&[2, 6, 9, 10, 11, 41]), withheld: true },
+        Mask { name: "default, withheld too", classes: default, hidden_flags: Flags::NONE },
+        Mask { name: "no overlap", classes: default, hidden_flags: Flags::WITHHELD.with(Flags::OVERLAP) },
+        Mask {
+            name: "what stands, but nothing synthetic",
+            classes: only(&[2, 6, 9, 10, 11, 41]),
+            hidden_flags: Flags::SYNTHETIC,
+        },
+        Mask { name: "without any flag", classes: ClassMask::all(), hidden_flags: Flags::ALL },
     ]
 }
 
 pub fn map_of(data: &Data, points: &[Point], mask: &Mask) -> StackMap {
     let lattice = [data.grid.cell(), data.grid.height_step];
-    StackMap::build(points.iter().copied(), lattice, spacing(&data.grid), &mask.classes, mask.withheld)
+    StackMap::build(
+        points.iter().copied(),
+        lattice,
+        spacing(&data.grid),
+        &mask.classes,
+        mask.hidden_flags.bits(),
+    )
 }
 
 /// Steps of air below what floats lowest.
@@ -211,7 +223,11 @@ fn check_file(gpu: &Gpu, path: &Path, cell: Option<f64>, odd: bool, masks: &[Mas
     }
     for mask in masks {
         scene
-            .set_visibility(Visibility { classes: mask.classes, withheld: mask.withheld, ..MEASURED() })
+            .set_visibility(Visibility {
+                classes: mask.classes,
+                hidden_flags: mask.hidden_flags,
+                ..MEASURED()
+            })
             .unwrap();
         let map = map_of(&data, &points, mask);
         let what = format!("{name}, {}", mask.name);
@@ -242,13 +258,15 @@ fn real_files_are_drawn_exactly() {
     });
 }
 
-/// Marks some points of a LAS file of point format 6 or above as synthetic (every seventh) or withheld (every fifth).
+/// Marks some points of a LAS file of point format 6 or above as synthetic (every seventh), withheld (every fifth), key-points
+/// (every eleventh) or overlap (every fourth).
 fn mark(path: &Path) {
     let mut bytes = fs::read(path).unwrap();
     let first = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
     let length = usize::from(u16::from_le_bytes(bytes[105..107].try_into().unwrap()));
     for (k, record) in bytes[first..].chunks_exact_mut(length).enumerate() {
         record[15] |= u8::from(k % 7 == 0) | u8::from(k % 5 == 0) << 2;
+        record[15] |= u8::from(k % 11 == 0) << 1 | u8::from(k % 4 == 1) << 3;
     }
     fs::write(path, bytes).unwrap();
 }

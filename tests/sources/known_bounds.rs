@@ -3,6 +3,7 @@
 
 use crate::lax_writer::Lax;
 use crate::made::{Made, Packing};
+use lasray::attribute::Flags;
 use lasray::ingest::bins::Budget;
 use lasray::load::{self, LoadOptions};
 use lasray::problems::Problems;
@@ -91,7 +92,8 @@ fn what_was_counted_is_there_again() {
     assert_eq!(cache.load_all(&file).1, Counts::new());
     cache.save(&file, &bounds).unwrap();
     let without = fs::metadata(&entries(&kept)[0]).unwrap().len();
-    let counts = Counts::from([((0, false), 1), ((2, true), 7), ((255, true), (1 << 55) - 1)]);
+    let counts =
+        Counts::from([((0, Flags::NONE), 1), ((2, Flags::WITHHELD), 7), ((255, Flags::ALL), (1 << 52) - 1)]);
     cache.save_all(&file, &[], &counts).unwrap();
     assert_eq!(cache.load_all(&file).1, Counts::new(), "nothing is kept of as many chunks as there are not");
     cache.save_all(&file, &bounds, &counts).unwrap();
@@ -102,7 +104,7 @@ fn what_was_counted_is_there_again() {
     // Bounds alone leave them as they are; others take their place.
     cache.save(&file, &bounds).unwrap();
     assert_eq!(cache.load_all(&file).1, counts);
-    let others = Counts::from([((2, false), 9)]);
+    let others = Counts::from([((2, Flags::NONE), 9)]);
     cache.save_all(&file, &bounds, &others).unwrap();
     assert_eq!(cache.load_all(&file).1, others);
     // Damaged, there are none.
@@ -117,7 +119,7 @@ fn what_was_counted_is_there_again() {
     }
     // More kinds than an entry may take of its file's size are not kept.
     cache.forget(&file);
-    let many: Counts = (0..=255).map(|class| ((class, false), 1)).collect();
+    let many: Counts = (0..=255).map(|class| ((class, Flags::NONE), 1)).collect();
     cache.save_all(&file, &bounds, &many).unwrap();
     let (known, none) = cache.load_all(&file);
     assert_eq!((all_of(&known, &file), none), (bounds, Counts::new()));

@@ -1,10 +1,11 @@
 //! The command line of `lasray render`.
 
-use crate::attribute::{ClassMask, ColorRange, Ramp};
+use crate::attribute::{ColorRange, Ramp};
+use crate::command::layers::LayerArgs;
 use crate::command::placement::PlacementArgs;
 use crate::command::values::{
-    self, Cell, ClassList, Color, Orbit, Ortho, Place, SelectionArgs, bytes, cell, classes, color, detail,
-    fov, orbit, ortho, place, positive, range, size,
+    self, Cell, Color, Orbit, Ortho, Place, SelectionArgs, bytes, cell, color, detail, fov, orbit, ortho,
+    place, positive, range, size,
 };
 use crate::gpu::Gpu;
 use crate::output::Target;
@@ -111,16 +112,8 @@ pub struct Args {
     #[arg(long, value_parser = ["8", "16"], help_heading = "Colour")]
     pub(super) rgb_bits: Option<String>,
 
-    /// Show only these classes: 2,6 or 3-5 or building,ground or bare-earth
-    #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
-    pub(super) classes: Option<ClassList>,
-    /// Hide these classes: 3-5 or vegetation (7 and 18, noise, are hidden unless asked for)
-    #[arg(long, value_parser = classes, help_heading = "Layers", value_name = "LIST")]
-    pub(super) hide: Option<ClassList>,
-    /// Show withheld points
-    #[arg(long, help_heading = "Layers")]
-    pub(super) withheld: bool,
-
+    #[command(flatten)]
+    pub(super) layers: LayerArgs,
     #[command(flatten)]
     pub(super) selection: SelectionArgs,
 
@@ -192,15 +185,9 @@ impl Args {
 
     /// What of the points is shown.
     pub(super) fn visibility(&self, exact: bool) -> Visibility {
-        let mut classes = match &self.classes {
-            Some(list) => ClassMask::only(&list.0),
-            None => ClassMask::default(),
-        };
-        if let Some(list) = &self.hide {
-            classes = classes.without(&list.0);
-        }
         let bridge = if self.no_bridge || self.shade == Shade::None { 0 } else { 4 };
-        Visibility { classes, withheld: self.withheld, bridge, near_ties: !exact }
+        let (classes, hidden_flags) = (self.layers.classes(), self.layers.hidden_flags());
+        Visibility { classes, hidden_flags, bridge, near_ties: !exact }
     }
 }
 

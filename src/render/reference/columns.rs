@@ -3,8 +3,6 @@
 use crate::attribute::ClassMask;
 use std::collections::HashMap;
 
-/// Class flag bit of a withheld point (LAS 1.4 R15, table 9).
-pub(super) const WITHHELD: u8 = 4;
 /// Most cells of a bounding box that are kept in a flat array.
 const DENSE_CELLS: u64 = 1 << 24;
 
@@ -30,17 +28,17 @@ pub struct Point {
 }
 
 impl Point {
-    /// Its cell, and what a column would keep of it; `None` if `mask` hides it, or no cell or height can hold it.
+    /// Its cell, and what a column would keep of it; `None` if `mask` or one of its flags hides it, or no cell or height can hold it.
     pub(super) fn binned(
         &self,
         [cell_size, height_step]: [f64; 2],
         mask: &ClassMask,
-        show_withheld: bool,
+        hidden_flags: u8,
     ) -> Option<([i64; 2], Column)> {
         let steps = (self.u / height_step).ceil();
         let cell = [(self.e / cell_size).floor(), (self.n / cell_size).floor()];
         let on_grid = cell.iter().all(|v| v.abs() < 9e15) && steps.abs() < 2_147_483_648.0;
-        if !on_grid || !mask.shows(self.class) || (self.flags & WITHHELD != 0 && !show_withheld) {
+        if !on_grid || !mask.shows(self.class) || self.flags & hidden_flags != 0 {
             return None;
         }
         let column = Column {
@@ -97,17 +95,17 @@ pub(super) enum Index {
 }
 
 impl ColumnMap {
-    /// Bins the points that `mask` shows into cells of `cell_size`, heights in steps of `height_step`; withheld ones
-    /// only on demand. Points that are not finite or off the height lattice are left out.
+    /// Bins the points that `mask` shows into cells of `cell_size`, heights in steps of `height_step`; those that
+    /// have one of `hidden_flags` (bits of LAS 1.4 R15, table 9) are not among them. Points that are not finite or off the height lattice are left out.
     pub fn build(
         points: impl IntoIterator<Item = Point>,
         [cell_size, height_step]: [f64; 2],
         mask: &ClassMask,
-        show_withheld: bool,
+        hidden_flags: u8,
     ) -> ColumnMap {
         let mut cells: HashMap<[i64; 2], Column> = HashMap::new();
         for p in points {
-            let Some((cell, column)) = p.binned([cell_size, height_step], mask, show_withheld) else {
+            let Some((cell, column)) = p.binned([cell_size, height_step], mask, hidden_flags) else {
                 continue;
             };
             cells.entry(cell).and_modify(|c| *c = column.max(*c)).or_insert(column);

@@ -5,12 +5,14 @@ use super::*;
 use crate::attribute::ClassMask;
 use crate::coords::HEIGHT_STEP as STEP;
 use crate::render::camera::{Camera, Projection, RayBasis};
+use crate::source::FLAG_WITHHELD as WITHHELD;
 use glam::DVec3;
 
 /// Cells of 1: a thickness of 1, a gap of 2, jumps of more than 2.5.
 fn map(points: &[Point]) -> SmoothMap {
     let spacing = Spacing { thickness: 1024, gap: 2048, around: 2 };
-    let stacks = StackMap::build(points.iter().copied(), [1.0, STEP], spacing, &ClassMask::default(), false);
+    let stacks =
+        StackMap::build(points.iter().copied(), [1.0, STEP], spacing, &ClassMask::default(), WITHHELD);
     SmoothMap::new(stacks, 2560, 2048)
 }
 

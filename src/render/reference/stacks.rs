@@ -134,10 +134,10 @@ impl StackMap {
         lattice: [f64; 2],
         spacing: Spacing,
         mask: &ClassMask,
-        show_withheld: bool,
+        hidden_flags: u8,
     ) -> StackMap {
         let mut cells: HashMap<[i64; 2], Vec<Column>> = HashMap::new();
-        for (cell, point) in points.into_iter().filter_map(|p| p.binned(lattice, mask, show_withheld)) {
+        for (cell, point) in points.into_iter().filter_map(|p| p.binned(lattice, mask, hidden_flags)) {
             cells.entry(cell).or_default().push(point);
         }
         let columns: HashMap<[i64; 2], Spans> =

@@ -1,10 +1,10 @@
 //! Stacks against columns made by hand, and against points looked at along rays.
 
-use super::columns::WITHHELD;
 use super::tests::{check_against_samples, point, ray};
 use super::*;
 use crate::attribute::ClassMask;
 use crate::coords::HEIGHT_STEP as STEP;
+use crate::source::FLAG_WITHHELD as WITHHELD;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::StdRng};
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,7 +17,7 @@ fn map(points: &[Point]) -> StackMap {
 }
 
 fn shown(points: &[Point], mask: &ClassMask) -> StackMap {
-    StackMap::build(points.iter().copied(), [1.0, STEP], SPACING, mask, false)
+    StackMap::build(points.iter().copied(), [1.0, STEP], SPACING, mask, WITHHELD)
 }
 
 /// Points in the middle of a cell: class and height.
@@ -118,13 +118,13 @@ fn points_of_a_crown_are_one_span() {
     // Hidden points hold nothing together.
     let mut points = pile([3, 0], &[(5, 6.0), (5, 8.0), (5, 10.0)]);
     points[1].flags = WITHHELD;
-    let seen = |withheld| {
-        let map = StackMap::build(points.clone(), [1.0, STEP], SPACING, &ClassMask::all(), withheld);
+    let seen = |hidden_flags| {
+        let map = StackMap::build(points.clone(), [1.0, STEP], SPACING, &ClassMask::all(), hidden_flags);
         floating(&map, [3, 0])
     };
-    assert_eq!(seen(false), [(5, 10.0, 9.0), (5, 6.0, 5.0)]);
+    assert_eq!(seen(WITHHELD), [(5, 10.0, 9.0), (5, 6.0, 5.0)]);
     // Nor do those of other flags.
-    assert_eq!(seen(true), [(5, 10.0, 9.0), (5, 8.0, 7.0), (5, 6.0, 5.0)]);
+    assert_eq!(seen(0), [(5, 10.0, 9.0), (5, 8.0, 7.0), (5, 6.0, 5.0)]);
 }
 
 #[test]
@@ -232,8 +232,10 @@ fn where_nothing_floats_stacks_are_columns() {
             point(e, n, u, solid[rng.random_range(0..solid.len())])
         })
         .collect();
-    let (stacks, columns) =
-        (map(&points), ColumnMap::build(points.iter().copied(), [1.0, STEP], &ClassMask::default(), false));
+    let (stacks, columns) = (
+        map(&points),
+        ColumnMap::build(points.iter().copied(), [1.0, STEP], &ClassMask::default(), WITHHELD),
+    );
     assert_eq!(stacks.cells().count(), columns.len());
     for _ in 0..2000 {
         let mut place = |low: f64, high: f64| {
@@ -295,7 +297,7 @@ proptest! {
         prop_assume!(eye != target);
         let gap = if cell == 1.0 { 2048 } else { 1024 };
         let spacing = Spacing { thickness: (cell / STEP).ceil() as i64, gap, around: 2 };
-        let map = StackMap::build(scene(seed, cell), [cell, STEP], spacing, &ClassMask::all(), true);
+        let map = StackMap::build(scene(seed, cell), [cell, STEP], spacing, &ClassMask::all(), 0);
         let ray = ray(eye, target);
         check_against_samples(map.trace(&ray, 0.0, 0.0), cell, &ray, |cell, [low, high]| {
             map.stack(cell).is_some_and(|stack| {

@@ -1,11 +1,12 @@
 //! The reference against figures that are known, and against points looked at along rays.
 
-use super::columns::{Index, WITHHELD};
+use super::columns::Index;
 use super::*;
 use crate::attribute::ClassMask;
 use crate::coords::HEIGHT_STEP as STEP;
 use crate::render::camera::{Camera, Projection, RayBasis};
 use crate::render::image::MISS_CLASS;
+use crate::source::FLAG_WITHHELD as WITHHELD;
 use glam::DVec3;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng, rngs::StdRng, seq::SliceRandom};
@@ -17,7 +18,7 @@ pub(super) fn point(e: f64, n: f64, u: f64, class: u8) -> Point {
 }
 
 fn map(points: &[Point]) -> ColumnMap {
-    ColumnMap::build(points.iter().copied(), [1.0, STEP], &ClassMask::default(), false)
+    ColumnMap::build(points.iter().copied(), [1.0, STEP], &ClassMask::default(), WITHHELD)
 }
 
 /// The one ray from `eye` to `target`.
@@ -136,7 +137,7 @@ fn winner_is_the_same_in_any_order() {
 fn mask_and_rounding_decide_the_top() {
     let all = [point(0.5, 0.5, 1.0, 2), point(0.5, 0.5, 4.0001, 5), point(0.5, 0.5, 90.0, 7)];
     let top = |mask: &ClassMask| {
-        ColumnMap::build(all, [1.0, STEP], mask, false).column([0, 0]).map(|c| (c.height_steps, c.class))
+        ColumnMap::build(all, [1.0, STEP], mask, WITHHELD).column([0, 0]).map(|c| (c.height_steps, c.class))
     };
     assert_eq!(top(&ClassMask::default()), Some((4097, 5)));
     assert_eq!(top(&ClassMask::default().without(&[5])), Some((1024, 2)));
@@ -144,8 +145,8 @@ fn mask_and_rounding_decide_the_top() {
     assert_eq!(top(&ClassMask::only(&[6])), None);
     let mut withheld = point(0.5, 0.5, 50.0, 2);
     withheld.flags = WITHHELD;
-    let seen = |show| ColumnMap::build([withheld], [1.0, STEP], &ClassMask::default(), show).len();
-    assert_eq!((seen(false), seen(true)), (0, 1));
+    let seen = |hidden| ColumnMap::build([withheld], [1.0, STEP], &ClassMask::default(), hidden).len();
+    assert_eq!([WITHHELD, 12, 0, 8, 11].map(seen), [0, 0, 1, 1, 1]);
     let odd = [point(f64::NAN, 0.0, 0.0, 2), point(0.0, 0.0, f64::INFINITY, 2), point(1e300, 0.0, 0.0, 2)];
     assert!(map(&odd).is_empty());
     assert_eq!(map(&odd).trace(&ray([0.0; 3], [1.0; 3]), 0.0, 0.0), None);
@@ -230,7 +231,7 @@ proptest! {
         let (eye, target, origin) = (place(eye), place(target), place([0.0; 3]));
         prop_assume!(eye != target);
         let points = town(seed, cell, origin[0], origin[1]);
-        let map = ColumnMap::build(points, [cell, STEP], &ClassMask::all(), true);
+        let map = ColumnMap::build(points, [cell, STEP], &ClassMask::all(), 0);
         let ray = ray(eye, target);
         check_against_samples(map.trace(&ray, 0.0, 0.0), cell, &ray, |cell, [low, _]| {
             map.column(cell).is_some_and(|column| low <= map.top(column))
