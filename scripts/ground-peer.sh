@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The ground filter beside pysmrf (PyPI), with the same parameters, on files whose class 2 is the truth: metres, LAS or LAZ.
+# The ground filter beside pysmrf (PyPI), with the same parameters, on files whose classes 2, 9, 10, 11 and 41 are the true ground: metres, LAS or LAZ.
 #
 #   scripts/ground-peer.sh FILE…
 #
@@ -26,7 +26,7 @@ for name in sys.argv[1:]:
     classes = numpy.asarray(file.classification)
     part = ~numpy.isin(classes, (7, 18)) & (numpy.asarray(file.withheld) == 0)
     x, y, z = (numpy.asarray(axis)[part] for axis in (file.x, file.y, file.z))
-    truth = numpy.isin(classes[part], (2, 9, 41))
+    truth = numpy.isin(classes[part], (2, 9, 10, 11, 41))
     start = time.perf_counter()
     told = classify(x, y, z, cellsize=1.0, windows=18, slope_threshold=0.15, elevation_threshold=0.5,
                     elevation_scaler=1.25, low_filter_slope=5.0, low_outlier_fill=True).is_ground

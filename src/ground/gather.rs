@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Classes whose points are ground, or as low: ground, water, water of bathymetric scans.
-pub const TRUSTED: [u8; 3] = [2, 9, 41];
+const TRUSTED: [u8; 3] = [2, 9, 41];
 /// Classes that take no part: low and high noise.
 const NOISE: [u8; 2] = [7, 18];
 /// Points that are placed at a time.

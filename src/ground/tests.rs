@@ -40,7 +40,7 @@ fn nine(ground: &GroundGrid, at: impl Fn(i32, i32) -> Option<f64>) -> Tiles {
             let key = TileKey { level: ground.level, x: x.div_euclid(side), y: y.div_euclid(side) };
             let height = ground.grid.height(up).unwrap().0;
             let cell = (y.rem_euclid(side) * side + x.rem_euclid(side)) as usize;
-            tiles.entry(key).or_default().see(cell, Seen { height, is_trusted: false, is_only: false });
+            tiles.entry(key).or_default().see(cell, Seen { height, is_trusted: false, is_only: true });
         }
     }
     tiles
@@ -157,16 +157,17 @@ fn neighbours_agree_bit_by_bit() {
 #[test]
 fn a_tile_depends_on_its_margin_alone() {
     let ground = metres();
-    let tiles = nine(&ground, land(5));
+    let here = land(5);
+    let tiles = nine(&ground, &here);
     let tile = infer(&ground, &tiles, key(0, 0));
     let (reach, side) = (MARGIN as i32, TILE_SIDE as i32);
     let beyond = |x: i32, y: i32| [x, y].iter().any(|v| !(-reach..side + reach).contains(v));
     let far = land(6);
-    let other = nine(&ground, |x, y| if beyond(x, y) { far(x, y) } else { land(5)(x, y) });
+    let other = nine(&ground, |x, y| if beyond(x, y) { far(x, y) } else { here(x, y) });
     assert_ne!(tiles[&key(1, 1)], other[&key(1, 1)]);
     assert!(tile == infer(&ground, &other, key(0, 0)));
     // What is near its border changes it there, and memory of other tiles does not.
-    let near = nine(&ground, |x, y| if x >= side { far(x, y) } else { land(5)(x, y) });
+    let near = nine(&ground, |x, y| if x >= side { far(x, y) } else { here(x, y) });
     let mut filter = GroundFilter::default();
     let around = |tiles: &Tiles| key(0, 0).around().map(|key| tiles.get(&key).cloned());
     let mut of = |tiles: &Tiles| filter.tile(&ground, around(tiles).each_ref().map(Option::as_ref));
@@ -329,7 +330,7 @@ fn houses_on_a_slope_of_60_degrees_are_no_ground() {
         );
         lost += u32::from(!is_house(x, y) && !at.holds(&ground, up));
     }
-    assert!(houses > 5000 && lost == 0, "{lost} of the ground");
+    assert!(houses > 4000 && lost == 0, "{lost} of the ground");
 }
 
 #[test]
@@ -510,4 +511,130 @@ fn middle_of(ground: &GroundGrid, height: i32) -> GroundTile {
         .step_by(2)
         .for_each(|cell| tile.see(cell, Seen { height, is_trusted: false, is_only: false }));
     GroundFilter::default().tile(ground, [Some(&tile); 9])
+}
+
+/// Ground points of the nine tiles on a slope with noise, in cells from the south-west of the middle one, and their height in steps.
+fn noisy_slope(density: u32) -> Vec<([f64; 2], f64)> {
+    let mut next = random(11);
+    let n = density * 300 * 300;
+    let mut place = || f64::from(next(300_000)) / 1000.0 - 22.5;
+    let places: Vec<_> = (0..n).map(|_| [place(), place()]).collect();
+    let mut next = random(12);
+    let noise = move |_: &[f64; 2]| f64::from(next(201)) - 100.0;
+    let noise: Vec<_> = places.iter().map(noise).collect();
+    places.iter().zip(noise).map(|(&[x, y], noise)| ([x, y], (0.3 * x - 0.1 * y) * 1024.0 + noise)).collect()
+}
+
+#[test]
+fn completed_ground_is_the_mean_of_its_points() {
+    let ground = metres();
+    let points = noisy_slope(4);
+    let mut tiles = Tiles::new();
+    let mut see = |[x, y]: [f64; 2], height: f64| {
+        let [i, j] = [x, y].map(|v| (v + 0.5).floor() as i32);
+        let tile = tiles.entry(key(i.div_euclid(256), j.div_euclid(256))).or_default();
+        let cell = (j.rem_euclid(256) * 256 + i.rem_euclid(256)) as usize;
+        tile.see(cell, Seen { height: height.ceil() as i32, is_trusted: false, is_only: false });
+    };
+    points.iter().for_each(|&(at, height)| see(at, height));
+    let tile = infer(&ground, &tiles, key(0, 0));
+    let complete = |points: &mut dyn Iterator<Item = &([f64; 2], f64)>| {
+        let mut completion = Completion::new(&ground, 4.0);
+        assert!((completion.radius() - 1.128).abs() < 0.001);
+        for &([x, y], height) in points {
+            // Those beyond the ring are another tile's.
+            if let Some(surface) = [x, y].iter().all(|v| (-1.0..255.9).contains(v)).then(|| tile.at([x, y])) {
+                completion.add([x, y], height - surface.unwrap().height);
+            }
+        }
+        completion.heights(&tile)
+    };
+    let completed = complete(&mut points.iter());
+    assert_eq!(completed, complete(&mut points.iter().rev()));
+    let spread = |of: &dyn Fn([i32; 2]) -> i32| {
+        let inside = cells().filter(|at| at.iter().all(|v| (8..248).contains(v)));
+        let off =
+            |[x, y]: [i32; 2]| f64::from(of([x, y])) - (0.3 * f64::from(x) - 0.1 * f64::from(y)) * 1024.0;
+        let off: Vec<_> = inside.map(off).collect();
+        let mean = |of: &dyn Fn(f64) -> f64| off.iter().map(|v| of(*v)).sum::<f64>() / off.len() as f64;
+        [mean(&|v| v), mean(&|v| v * v).sqrt()]
+    };
+    let lowest = spread(&|at| tile.height(at).unwrap());
+    let mean = spread(&|at| completed[GroundTile::index(at)]);
+    println!("off by {lowest:.1?} steps, completed by {mean:.1?}");
+    assert!(mean[0].abs() < -lowest[0] / 20.0 && mean[1] < lowest[1] / 2.0, "{mean:?} of {lowest:?}");
+    // A void stays one, and so does what no point is near.
+    let empty = GroundTile::void();
+    assert!(complete(&mut std::iter::empty()) == tile.heights);
+    let mut completion = Completion::new(&ground, f64::NAN);
+    completion.add([5.0, 5.0], 1e300);
+    assert!(completion.radius() == 20.0 && completion.heights(&empty) == empty.heights);
+    assert!(
+        completion.heights(&middle_of(&ground, -2_147_483_647))[GroundTile::index([5, 5])] > -2_147_483_647
+    );
+    completion.add([5.0, 5.0], f64::NEG_INFINITY);
+    completion.add([5.0, 6.0], f64::NEG_INFINITY);
+    let lowest = completion.heights(&middle_of(&ground, -2_147_483_647))[GroundTile::index([5, 5])];
+    assert!(lowest < -2_130_000_000, "{lowest}");
+}
+
+fn roofs_of(ground: &GroundGrid, tiles: &Tiles) -> Vec<bool> {
+    let around = TileKey { x: 0, y: 0, level: ground.level }.around();
+    let bare: HashMap<_, _> = around.iter().map(|&key| (key, infer(ground, tiles, key))).collect();
+    roofs(ground, around.map(|key| tiles.get(&key)), around.map(|key| bare.get(&key)))
+}
+
+#[test]
+fn roofs_are_high_planar_and_large() {
+    let ground = metres();
+    // South-western corner, side, and height of a cell above flat land by its place in it.
+    type Thing = (i32, i32, i32, fn(i32, i32) -> f64);
+    let things: [(Thing, bool); 8] = [
+        ((20, 20, 12, |_, _| 6.0), true),
+        // A gable of 45 degrees, across the border of the tile.
+        ((-8, 60, 16, |x, _| 11.0 - f64::from((2 * x - 15).abs()) / 2.0), true),
+        ((60, 20, 4, |_, _| 3.0), true),
+        // 9 m2, 1.5 m, a crown, and a staircase of a metre a cell both ways.
+        ((80, 20, 3, |_, _| 3.0), false),
+        ((100, 20, 12, |_, _| 1.5), false),
+        ((120, 20, 12, |x, y| 5.0 + f64::from((x * 7 + y * 13) % 5)), false),
+        ((20, 100, 14, |x, y| 4.0 + f64::from((x + y) % 2)), false),
+        // A crown as flat as a roof, through which pulses went on.
+        ((60, 100, 12, |_, _| 6.0), false),
+    ];
+    let thing = |x: i32, y: i32| {
+        let of = things.iter().position(|((west, south, side, _), _)| {
+            (*west..west + side).contains(&x) && (*south..south + side).contains(&y)
+        })?;
+        let (west, south, _, height) = things[of].0;
+        Some((of, height(x - west, y - south)))
+    };
+    let up = |x: i32, y: i32| thing(x, y).map_or(0.0, |(_, height)| height);
+    let is_crown = |x: i32, y: i32| thing(x, y).is_some_and(|(of, _)| of == 7);
+    let mut tiles = nine(&ground, |x, y| Some(up(x, y)).filter(|_| !is_crown(x, y)));
+    for [x, y] in cells().filter(|[x, y]| is_crown(*x, *y)) {
+        let height = (up(x, y) * 1024.0) as i32;
+        let seen = Seen { height, is_trusted: false, is_only: false };
+        tiles.get_mut(&key(0, 0)).unwrap().see((y * 256 + x) as usize, seen);
+    }
+    let told = roofs_of(&ground, &tiles);
+    for [x, y] in cells() {
+        let truth = thing(x, y).is_some_and(|(of, _)| things[of].1);
+        assert_eq!(told[(y * 256 + x) as usize], truth, "{x}, {y}: {:?}", thing(x, y));
+    }
+}
+
+#[test]
+fn roofs_depend_on_what_is_near_alone() {
+    let ground = metres();
+    let block = |x: i32, y: i32| x.rem_euclid(23) < 9 && y.rem_euclid(17) < 12;
+    let up = |x: i32, y: i32| Some(if block(x, y) { 7.0 } else { 0.0 });
+    let all = roofs_of(&ground, &nine(&ground, up));
+    assert!(all.iter().filter(|is| **is).count() > 10_000);
+    // Of the ground nothing changes but beyond its margin.
+    let (reach, side) = (MARGIN as i32 + 14, TILE_SIDE as i32);
+    let near = |v: i32| (-reach..side + reach).contains(&v);
+    let cut = nine(&ground, |x, y| up(x, y).filter(|_| near(x) && near(y)));
+    assert!(all == roofs_of(&ground, &cut));
+    assert!(roofs(&ground, [None; 9], [None; 9]) == vec![false; TILE_CELLS]);
 }

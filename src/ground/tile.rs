@@ -44,7 +44,7 @@ impl GroundTile {
     }
 
     /// Index of a cell; -1 and [`TILE_SIDE`] are those of the ring.
-    fn index([x, y]: [i32; 2]) -> usize {
+    pub(super) fn index([x, y]: [i32; 2]) -> usize {
         (y + 1) as usize * RINGED + (x + 1) as usize
     }
 

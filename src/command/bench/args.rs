@@ -40,7 +40,7 @@ pub struct Args {
     /// The ground below unclassified points: time of reading into ground tiles and of the ground filter
     #[arg(long, help_heading = "Parts")]
     pub(super) complete: bool,
-    /// Classes are the truth (2, 9, 41: ground): the filter knows nothing of them, and its errors are counted point by point
+    /// Classes are the truth (2, 9, 10, 11, 41: ground): the filter knows nothing of them, and its errors are counted point by point
     #[arg(long, requires = "complete", help_heading = "Parts")]
     pub(super) truth: bool,
 
