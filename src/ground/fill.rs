@@ -122,8 +122,8 @@ fn nearest(known: &Bits, x: usize, y: usize) -> [Nearest; 8] {
     take(4, west_of(west, 1), REACH + 1, [-1, 0]);
     // Of octants that rows meet first, and of those that they meet at their diagonals.
     let (mut steep, mut flat) = (FAR, FAR);
-    for dy in 1..=REACH {
-        let (square, end) = ((dy * dy) as u32, ALONG[dy] + 1);
+    for (dy, along) in ALONG.into_iter().enumerate().skip(1) {
+        let (square, end) = ((dy * dy) as u32, along + 1);
         let (north, south) = (dy as i32, -(dy as i32));
         let (is_steep, is_flat) = (square < steep, 2 * square < flat);
         if !is_steep && !is_flat {

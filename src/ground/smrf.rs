@@ -175,11 +175,14 @@ impl GroundFilter {
                 let height = self.surface[at];
                 let known = self.known.has(x, y);
                 tile.heights[to] = height;
-                tile.flags[to] = u8::from(known) * MEASURED
-                    | u8::from(!known && height != NONE) * FILLED
-                    | u8::from(self.object[at]) * OBJECT
-                    | u8::from(self.low.has(x, y)) * LOW
-                    | u8::from(self.trusted.has(x, y)) * CLASSIFIED;
+                let flags = [
+                    (known, MEASURED),
+                    (!known && height != NONE, FILLED),
+                    (self.object[at], OBJECT),
+                    (self.low.has(x, y), LOW),
+                    (self.trusted.has(x, y), CLASSIFIED),
+                ];
+                tile.flags[to] = flags.iter().filter(|(is, _)| *is).fold(0, |flags, (_, flag)| flags | flag);
                 if height != NONE {
                     let rise = [1, SIDE].map(|step| {
                         // Over two cells; at voids over one.

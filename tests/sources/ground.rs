@@ -49,7 +49,7 @@ fn the_ground_of_unclassified_points_is_that_of_the_truth() {
     // One by one, on one thread: their tiles do not meet.
     for (file, truth) in files.iter().zip(&row.truth) {
         let alone = ground_of(std::slice::from_ref(file), true, 1).unwrap();
-        assert_eq!(alone.truth, [truth.clone()]);
+        assert_eq!(&alone.truth, std::slice::from_ref(truth));
     }
     // What is told by classes is found by them.
     let told = ground_of(&files, false, 2).unwrap();
