@@ -150,25 +150,16 @@ fn nearest(known: &Bits, x: usize, y: usize) -> [Nearest; 8] {
 }
 
 /// Fills those cells of `heights` (`side` a row) in the columns and rows of `range` that are not `known`, where known cells
-/// lie in at least `octants` of the eight; the others become [`NONE`]. Known ones stay as they are. Within [`REACH`] cells of
-/// `range` there are bits.
-pub(super) fn fill(heights: &mut [i32], side: usize, known: &Bits, range: Range<usize>, octants: usize) {
-    for y in range.clone() {
-        for x in range.clone().filter(|&x| !known.has(x, y)) {
-            heights[y * side + x] = filled(heights, side, known, [x, y], octants);
-        }
-    }
-}
-
-/// The same, of what was filled before some cells were `removed` from what is known.
-pub(super) fn fill_again(
+/// lie in at least `octants` of the eight; the others become [`NONE`]. Known ones stay as they are, and so do those that
+/// are not within [`REACH`] rows and columns of one of `changed`. Within [`REACH`] cells of `range` there are bits.
+pub(super) fn fill(
     heights: &mut [i32],
     side: usize,
-    [known, removed]: [&Bits; 2],
+    [known, changed]: [&Bits; 2],
     range: Range<usize>,
     octants: usize,
 ) {
-    let changed = removed.spread_over_rows();
+    let changed = changed.spread_over_rows();
     for y in range.clone() {
         for x in range.clone().filter(|&x| changed.has_near(x, y) && !known.has(x, y)) {
             heights[y * side + x] = filled(heights, side, known, [x, y], octants);

@@ -3,7 +3,7 @@
 //! A tile is made of the 3 × 3 tiles of stage 1 around it and nothing else; what lies farther than [`MARGIN`] cells from it
 //! changes nothing. So a cell that two tiles come to is the same in both.
 
-use super::fill::{Bits, REACH, fill, fill_again};
+use super::fill::{Bits, REACH, fill};
 use super::grid::{GroundGrid, MOST_WINDOWS, TILE_SIDE};
 use super::lows::{LowTile, NONE};
 use super::opening::{Opening, Raster};
@@ -72,13 +72,13 @@ impl GroundFilter {
         self.load(near);
         // Between the points, so that openings have a surface.
         self.surface.copy_from_slice(&self.lows);
-        fill(&mut self.surface, SIDE, &self.known, within(FIRST), ENCLOSED);
+        self.fill(|of| &of.known, FIRST, ENCLOSED);
         if self.find_low(ground.steps(LOW_SLOPE * ground.cell())) {
-            let bits = [&self.known, &self.low];
-            fill_again(&mut self.surface, SIDE, bits, within(OPENINGS), ENCLOSED);
+            self.fill(|of| &of.low, OPENINGS, ENCLOSED);
         }
         self.find_objects(ground);
-        fill(&mut self.surface, SIDE, &self.known, within(SURFACE), 1);
+        self.clear_unknown();
+        self.fill(|of| &of.known, SURFACE, 1);
         self.finish(ground)
     }
 
@@ -113,6 +113,22 @@ impl GroundFilter {
             }
             self.known.set_row(y, lows.iter().map(|&low| low != NONE));
             self.trusted.set_row(y, is_trusted.into_iter());
+        }
+    }
+
+    /// Fills the surface between what is known, near what has `changed`.
+    fn fill(&mut self, changed: impl Fn(&Self) -> &Bits, around: usize, octants: usize) {
+        let mut surface = std::mem::take(&mut self.surface);
+        fill(&mut surface, SIDE, [&self.known, changed(self)], within(around), octants);
+        self.surface = surface;
+    }
+
+    /// Leaves nothing of the surface but what is known.
+    fn clear_unknown(&mut self) {
+        for y in within(SURFACE) {
+            for x in within(SURFACE).filter(|&x| !self.known.has(x, y)) {
+                self.surface[y * SIDE + x] = NONE;
+            }
         }
     }
 
