@@ -97,14 +97,14 @@ fn land(seed: u64) -> impl Fn(i32, i32) -> Option<f64> {
 
 #[test]
 fn a_twin_written_apart_comes_to_the_same() {
-    // At a corner of four tiles, in the middle of one with a wide void, at a border.
+    // At a corner of four tiles, in the middle of one, at a border with a wide void.
     let places = [[208, 208], [60, 60], [208, 0]];
     let grounds = [metres(), grid_of(0.3, 1.0), grid_of(1.0, 1.0)];
     let mut counts = [0; 5];
     for (seed, (ground, corner)) in (1..).zip(grounds.into_iter().zip(places)) {
         let up = land(seed);
-        let is_void = |v: i32| (62..160).contains(&v);
-        let mut tiles = nine(&ground, |x, y| up(x, y).filter(|_| !is_void(x) || !is_void(y)));
+        let is_void = |x: i32, y: i32| seed == 3 && (225..290).contains(&x) && (-30..60).contains(&y);
+        let mut tiles = nine(&ground, |x, y| up(x, y).filter(|_| !is_void(x, y)));
         // Classes tell the ground here and there.
         let mut next = random(seed);
         for key in [[-1, 0], [0, 0], [1, 1]] {
@@ -113,6 +113,9 @@ fn a_twin_written_apart_comes_to_the_same() {
             for _ in 0..300 {
                 let cell = next(TILE_CELLS as u32) as usize;
                 let height = (next(20_000) as i32) - 5000;
+                if is_void((cell % TILE_SIDE) as i32, (cell / TILE_SIDE) as i32) {
+                    continue;
+                }
                 tile.see(cell, Seen { height, is_trusted: true, is_only: true });
             }
         }
