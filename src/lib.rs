@@ -9,6 +9,7 @@ pub mod cli;
 pub mod command;
 pub mod coords;
 pub mod gpu;
+pub mod ground;
 pub mod ingest;
 pub mod limits;
 pub mod load;

@@ -1476,6 +1476,32 @@ fn bench_loads_as_the_thesis_does() {
 
 /// Files are made once; what is damaged is not read.
 #[test]
+fn bench_compares_the_ground_with_classes() {
+    let folder = tempfile::tempdir().unwrap();
+    let ran = |arguments: &str| run(folder.path(), &words(arguments.split(' ')), &[]);
+    assert_eq!(ran("synth town.las --points 200k").code, Some(0));
+    let told = ran("bench --complete --truth town.las --json a.json -q");
+    assert_eq!((told.code, told.said.as_str()), (Some(0), ""));
+    for said in ["ground: 200k points in ", " us a tile cell of one core", "errors, %", "mean of the files"] {
+        assert!(told.printed.contains(said), "{}", told.printed);
+    }
+    let json: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.path().join("a.json")).unwrap()).unwrap();
+    let row = &json["ground"][0];
+    assert_eq!((row["points"].as_u64(), row["cell"].as_f64()), (Some(200_000), Some(1.0)));
+    assert!(row["truth"][0]["total"].as_f64().unwrap() < 0.1, "{row}");
+    assert!(ran("bench --complete --points 20k -q").printed.contains("ground: 20k points"));
+    // Nothing is classified: no truth.
+    let mut records = two_lines();
+    records.chunks_mut(28).for_each(|record| record[15] = 1);
+    let made = Made { records, header: Some(([0.01; 3], [0.0; 3])), ..Made::new(1, Packing::Plain, 1) };
+    fs::write(folder.path().join("none.las"), made.bytes()).unwrap();
+    let none = ran("bench --complete --truth none.las -q");
+    assert_eq!(none.code, Some(1));
+    assert!(none.said.contains("none.las: none of its points is classified as ground"), "{}", none.said);
+}
+
+#[test]
 fn bench_keeps_the_files_that_it_makes() {
     let folder = tempfile::tempdir().unwrap();
     let kept = || -> Vec<PathBuf> {
@@ -1665,6 +1691,8 @@ fn bench_names_wrong_arguments() {
         ("--json nowhere/a.json", "--json nowhere/a.json: cannot be written: nowhere does not exist"),
         ("--ingest --plot a.svg", "no frames are measured"),
         ("--scaling --grid 16/1", "at least two levels"),
+        ("--truth", "--complete"),
+        ("--complete --plot a.svg", "no frames are measured"),
         ("--runs 2", "--stream"),
         ("--surface stacks", "--surface: only --stream and --ingest take it"),
         ("--threads 2", "--threads: only --ingest and --load"),

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use syn::visit::Visit;
 
 /// Top-level modules, from the ground up: each may import those before it.
-const FLOORS: [&str; 21] = [
+const FLOORS: [&str; 22] = [
     "shared",
     "limits",
     "text",
@@ -21,6 +21,7 @@ const FLOORS: [&str; 21] = [
     "problems",
     "sample",
     "section",
+    "ground",
     "ingest",
     "gpu",
     "resident",

@@ -4,6 +4,7 @@
 mod cache;
 mod failure;
 pub mod frames;
+pub mod ground;
 pub mod ingest;
 pub mod load;
 pub mod log;

@@ -323,6 +323,48 @@ pub struct LoadRow {
     pub total_s: Stat,
 }
 
+/// A filter's ground beside classes that are the truth, point by point.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TruthRow {
+    /// File.
+    pub file: String,
+    /// Points that were compared: no noise, not withheld.
+    pub points: u64,
+    /// Share of them that is ground.
+    pub ground: f64,
+    /// Share of them that is told wrong.
+    pub total: f64,
+    /// Of the ground, what is told to be an object.
+    pub type_1: f64,
+    /// Of objects, what is told to be ground; `None`: there are none.
+    pub type_2: Option<f64>,
+    /// Cohen's; `None`: there are no objects.
+    pub kappa: Option<f64>,
+}
+
+/// Ground tiles made of files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GroundRow {
+    /// Points that were gathered.
+    pub points: u64,
+    /// Points that had no cell or height.
+    pub outside: u64,
+    /// Side of a ground cell, CRS units.
+    pub cell: f64,
+    /// Tiles with points.
+    pub tiles: u64,
+    /// Threads.
+    pub threads: u32,
+    /// From files to tiles of stage 1, s.
+    pub gather_s: f64,
+    /// Time of one core from stage 1 to the ground, µs a tile cell, run by run.
+    pub infer_us: Stat,
+    /// Shares of the tiles' cells with measured ground, filled ground, an object, a low outlier.
+    pub shares: [f64; 4],
+    /// File by file, where classes are the truth.
+    pub truth: Vec<TruthRow>,
+}
+
 /// What four times the work costs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScalingRow {
@@ -534,6 +576,9 @@ pub struct Report {
     /// Loading.
     #[serde(default)]
     pub load: Vec<LoadRow>,
+    /// The ground of unclassified points.
+    #[serde(default)]
+    pub ground: Vec<GroundRow>,
     /// Four times the cells, four times the points.
     #[serde(default)]
     pub scaling: Vec<ScalingRow>,
@@ -566,6 +611,7 @@ impl Report {
             ingest: Vec::new(),
             skipped: Vec::new(),
             load: Vec::new(),
+            ground: Vec::new(),
             scaling: Vec::new(),
             peer: Vec::new(),
             stream: Vec::new(),
@@ -652,6 +698,7 @@ impl Report {
             ingest_table(&mut out, &self.ingest);
         }
         self.load.iter().for_each(|row| load_lines(&mut out, row));
+        self.ground.iter().for_each(|row| ground_lines(&mut out, row));
         if !self.scaling.is_empty() {
             let _ = writeln!(out, "\n{:<44}{:<12}{:>14}{:>14}{:>10}", "scaling", "4x", "ms", "ms", "ratio");
         }
@@ -860,6 +907,50 @@ fn load_lines(out: &mut String, row: &LoadRow) {
         ratio(&row.thesis_middle_s),
         ratio(&row.thesis_all_s)
     );
+}
+
+fn ground_lines(out: &mut String, row: &GroundRow) {
+    let [measured, filled, object, low] = row.shares.map(|share| 100.0 * share);
+    let _ = writeln!(
+        out,
+        "\nground: {} points in {:.2} s on {} threads to {} tiles, cells of {}; {:.3} us a tile cell of one core",
+        count(row.points),
+        row.gather_s,
+        row.threads,
+        row.tiles,
+        row.cell,
+        row.infer_us.median
+    );
+    let _ = writeln!(
+        out,
+        "  cells: {measured:.1} % measured, {filled:.1} % filled, {object:.1} % objects, {low:.2} % low outliers"
+    );
+    if row.outside > 0 {
+        let _ = writeln!(out, "  {} points had no cell or height", row.outside);
+    }
+    if row.truth.is_empty() {
+        return;
+    }
+    let heads = ["points", "ground", "total", "type I", "type II", "kappa"];
+    let _ = write!(out, "\n{:<36}", "errors, %");
+    heads.iter().for_each(|head| out.push_str(&format!("{head:>11}")));
+    out.push('\n');
+    let percent = |share: f64| format!("{:.2}", 100.0 * share);
+    for truth in &row.truth {
+        let _ = writeln!(
+            out,
+            "{:<36}{:>11}{:>11}{:>11}{:>11}{:>11}{:>11}",
+            cut(&truth.file, 35),
+            truth.points,
+            percent(truth.ground),
+            percent(truth.total),
+            percent(truth.type_1),
+            truth.type_2.map_or("-".to_owned(), percent),
+            truth.kappa.map_or("-".to_owned(), percent)
+        );
+    }
+    let mean = row.truth.iter().map(|truth| truth.total).sum::<f64>() / row.truth.len() as f64;
+    let _ = writeln!(out, "{:<58}{:>11}", "mean of the files", percent(mean));
 }
 
 fn ingest_table(out: &mut String, rows: &[IngestRow]) {
@@ -1288,6 +1379,26 @@ pub(super) mod tests {
     fn tables_are_readable() {
         let mut report = example();
         report.rows.push(Row::new(Pipeline::Pool, 16, 8, "a path with a name that is long"));
+        let truth = TruthRow {
+            file: "a tile with a name that is longer than a table has room for.laz".to_owned(),
+            points: 123_456_789,
+            ground: 0.5,
+            total: 0.042,
+            type_1: 0.01,
+            type_2: None,
+            kappa: Some(0.9),
+        };
+        report.ground.push(GroundRow {
+            points: 123_456_789,
+            outside: 7,
+            cell: 1.0,
+            tiles: 1234,
+            threads: 128,
+            gather_s: 1234.5,
+            infer_us: Stat::of(vec![0.5]).unwrap(),
+            shares: [0.7, 0.2, 0.1, 0.0],
+            truth: vec![truth.clone(), TruthRow { total: 0.02, ..truth }],
+        });
         report.rows.push(Row {
             total_ms: Stat::of(vec![123_456_789.0]),
             copy_bytes: Stat::of(vec![1.5e12]),
@@ -1309,5 +1420,6 @@ pub(super) mod tests {
         assert!(mean.ends_with("x") && mean.contains(" 4.71 "), "{mean}");
         assert!(table.contains("not run: 64x64/9, thesis: its buffer"));
         assert!(table.contains("tile_512000_5403000.laz 7 LAZ"));
+        assert!(lines.iter().any(|line| line.starts_with("mean of the files") && line.ends_with(" 3.10")));
     }
 }

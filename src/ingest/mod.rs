@@ -6,6 +6,7 @@ pub mod builds;
 pub mod changes;
 pub mod counts;
 pub mod feed;
+pub mod ground;
 pub mod input;
 pub mod meaning;
 pub mod selecting;

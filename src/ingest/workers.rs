@@ -4,10 +4,30 @@ use super::bins::{Binner, Bins};
 use super::input::Input;
 use crate::limits::LIMITS;
 use crate::source::contain::caught;
-use crate::source::{Chunk, Decoder, LayerMemory, LidarFile, SourceError, time_reading};
+use crate::source::{Chunk, Decoder, Fields, LayerMemory, LidarFile, PointBlock, SourceError, time_reading};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+
+/// What takes decoded points, from several threads at once, in any order.
+pub trait Sink: Sync {
+    /// What a thread keeps between blocks.
+    type Own: Default;
+    /// What it needs of points beside what pictures always need.
+    fn fields(&self) -> Fields;
+    /// Takes a block of a chunk of `inputs[index]`.
+    fn take(&self, own: &mut Self::Own, index: usize, input: &Input, block: &PointBlock);
+}
+
+impl Sink for Bins {
+    type Own = Binner;
+    fn fields(&self) -> Fields {
+        self.reading().fields()
+    }
+    fn take(&self, own: &mut Binner, _: usize, input: &Input, block: &PointBlock) {
+        own.bin(self, input, block);
+    }
+}
 
 /// How far the reading is; shared with whoever shows it.
 #[derive(Debug, Default)]
@@ -51,12 +71,12 @@ pub(super) fn panicked(file: &LidarFile, chunk: &Chunk, read: u64, reason: &str)
     }
 }
 
-/// Reads every chunk of `inputs` on `threads` workers and bins its points; returns what went wrong, in the
+/// Reads every chunk of `inputs` on `threads` workers and gives its points to `sink`; returns what went wrong, in the
 /// order of files and chunks. A file that cannot be read any more is named once; a broken chunk is named and
 /// the next one goes on. `layers`: what decoders share.
-pub fn read_all(
+pub fn read_all<S: Sink>(
     inputs: &[Input],
-    bins: &Bins,
+    sink: &S,
     threads: usize,
     layers: &LayerMemory,
     progress: &ReadProgress,
@@ -76,10 +96,10 @@ pub fn read_all(
             scope.spawn(move || {
                 let new_decoder = || {
                     let mut decoder = Decoder::sharing(layers);
-                    decoder.set_fields(bins.reading().fields());
+                    decoder.set_fields(sink.fields());
                     decoder
                 };
-                let (mut decoder, mut binner) = (new_decoder(), Binner::default());
+                let (mut decoder, mut own) = (new_decoder(), S::Own::default());
                 for Job { input, chunk } in receive {
                     let source = &inputs[input];
                     if !gone[input].load(Ordering::Relaxed) && !progress.stop.load(Ordering::Relaxed) {
@@ -88,14 +108,14 @@ pub fn read_all(
                         let result = caught(|| {
                             decoder.decode(&source.file, chunk, 0..chunk.records, &mut |block| {
                                 let start = Instant::now();
-                                binner.bin(bins, source, block);
+                                sink.take(&mut own, input, source, block);
                                 prepare += start.elapsed();
                                 points += block.len() as u64;
                                 progress.points.fetch_add(block.len() as u64, Ordering::Relaxed);
                             })
                         });
                         let result = result.unwrap_or_else(|reason| {
-                            (decoder, binner) = (new_decoder(), Binner::default());
+                            (decoder, own) = (new_decoder(), S::Own::default());
                             Err(panicked(&source.file, chunk, points, &reason))
                         });
                         let read = time_reading() - read_before;

@@ -1,6 +1,7 @@
 //! What is read: files of every kind, made, real and broken ones. One program, since each links everything.
 
 mod coordinate_systems;
+mod ground;
 mod hostile;
 mod info;
 mod known_bounds;

@@ -37,6 +37,13 @@ pub struct Args {
     #[arg(long, help_heading = "Parts")]
     pub(super) peer: bool,
 
+    /// The ground below unclassified points: time of reading into ground tiles and of the ground filter
+    #[arg(long, help_heading = "Parts")]
+    pub(super) complete: bool,
+    /// Classes are the truth (2, 9, 10, 11, 41: ground): the filter knows nothing of them, and its errors are counted point by point
+    #[arg(long, requires = "complete", help_heading = "Parts")]
+    pub(super) truth: bool,
+
     /// Frames while files stream in beside the same frames with everything there: whether any waits, and how
     /// much longer they take; and what it takes to show other classes
     #[arg(long, help_heading = "Parts")]

@@ -1,10 +1,12 @@
 //! Time until all is loaded, and reading and binning beside decoding alone.
 
 use super::harness::{Harness, STOP};
+use crate::bench::ground::{self, GroundOptions};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::load as loading;
 use crate::bench::towns::Set;
-use crate::load;
+use crate::command::outcome::usage_of_load;
+use crate::load::{self, LoadOptions};
 use crate::synth;
 
 /// Points of a file that is read.
@@ -23,14 +25,7 @@ impl Harness<'_> {
         let mut files = self.files()?;
         let mut towns = self.towns();
         if files.is_empty() {
-            let set = Set {
-                name: "town",
-                format: synth::Format::Three,
-                compress: false,
-                is_tiled: false,
-                seed: args.seed,
-                points: args.points.unwrap_or(LOAD_POINTS),
-            };
+            let set = self.town(args.points.unwrap_or(LOAD_POINTS));
             let made = towns.files(&[set], &mut |what| self.say(format_args!("{what}")))?;
             files.extend(made.into_iter().flatten());
         }
@@ -42,6 +37,36 @@ impl Harness<'_> {
             self.check()?;
         }
         Ok(())
+    }
+
+    /// The ground of unclassified points.
+    pub(super) fn complete(&mut self) -> anyhow::Result<()> {
+        let args = self.args;
+        let mut files = self.files()?;
+        let mut towns = self.towns();
+        if files.is_empty() {
+            let set = self.town(args.points.unwrap_or(LOAD_POINTS));
+            let made = towns.files(&[set], &mut |what| self.say(format_args!("{what}")))?;
+            files.extend(made.into_iter().flatten());
+        }
+        let options = LoadOptions { cell: Some(args.cell.into()), ..args.load_options() };
+        let opening = load::open(&files, &options, self.problems).map_err(usage_of_load)?;
+        let options = GroundOptions { truth: args.truth, threads: load::threads() as u32, runs: LOAD_RUNS };
+        let row = ground::run(opening, &options, &mut |what| self.say(format_args!("{what}")), &STOP)?;
+        self.report.ground.push(row);
+        Ok(())
+    }
+
+    /// A town in one file.
+    fn town(&self, points: u64) -> Set {
+        Set {
+            name: "town",
+            format: synth::Format::Three,
+            compress: false,
+            is_tiled: false,
+            seed: self.args.seed,
+            points,
+        }
     }
 
     pub(super) fn ingest_options(&self) -> anyhow::Result<IngestOptions> {

@@ -58,7 +58,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     if args.peer && cfg!(not(feature = "embree")) {
         return Err(usage(&"--peer: this build is without Embree (cargo build --features embree)"));
     }
-    let parts = args.ingest || args.load || args.scaling || args.peer || args.stream;
+    let parts = args.ingest || args.load || args.scaling || args.peer || args.stream || args.complete;
     // What chooses frames for --scaling and --stream too asks for none of its own.
     let chosen = !args.grid.is_empty() || !args.paths.is_empty() && !args.stream;
     let draws = !parts || args.table || !files.is_empty() && !args.stream || chosen && !args.scaling;
@@ -91,6 +91,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         "cell": args.cell,
         "points": args.points,
         "seed": args.seed,
+        "truth": args.complete.then_some(args.truth),
         "frames": args.frames,
         "shade": args.stream.then(|| format!("{:?}", args.shade).to_lowercase()),
         "runs": args.stream.then_some(args.runs),
@@ -118,6 +119,9 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
     }
     if args.load && result.is_ok() {
         result = go_on(harness.load());
+    }
+    if args.complete && result.is_ok() {
+        result = go_on(harness.complete());
     }
     if args.scaling && result.is_ok() {
         result = go_on(harness.scaling());

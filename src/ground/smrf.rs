@@ -1,0 +1,217 @@
+//! Stage 2, the ground filter: the simple morphological filter (SMRF) of Pingel, Clarke, McBride 2013, on integers.
+//!
+//! A tile is made of the 3 × 3 tiles of stage 1 around it and nothing else; what lies farther than [`MARGIN`] cells from it
+//! changes nothing. So a cell that two tiles come to is the same in both.
+
+use super::fill::{Bits, REACH, fill};
+use super::grid::{GroundGrid, MOST_WINDOWS, TILE_SIDE};
+use super::lows::{LowTile, NONE};
+use super::opening::{Opening, Raster};
+use super::tile::{CLASSIFIED, FILLED, GroundTile, LOW, MEASURED, OBJECT, RINGED};
+use std::ops::Range;
+
+/// A cell that drops by more than this times the radius of an opening is an object, rise over run.
+const OBJECT_SLOPE: f64 = 0.15;
+/// A cell that lies lower than this times a cell below a closing by one cell is a low outlier.
+const LOW_SLOPE: f64 = 5.0;
+/// Octants in which points lie around what is filled before openings: more than half, so that what stands at the border of
+/// the data is not drawn out beyond it.
+const ENCLOSED: usize = 5;
+
+/// How far around a tile stages are computed, cells: slopes of the ring need one more.
+const SURFACE: usize = 2;
+const OPENED: usize = SURFACE + REACH;
+const OPENINGS: usize = OPENED + 2 * MOST_WINDOWS;
+const CLOSED: usize = OPENINGS + REACH;
+const FIRST: usize = CLOSED + 2;
+/// Cells around a tile that its ground depends on.
+pub const MARGIN: usize = FIRST + REACH;
+const SIDE: usize = TILE_SIDE + 2 * MARGIN;
+// Within the neighbours.
+const _: () = assert!(MARGIN <= TILE_SIDE);
+
+/// Rows and columns of the raster that lie within `around` cells of the tile.
+const fn within(around: usize) -> Range<usize> {
+    MARGIN - around..MARGIN + TILE_SIDE + around
+}
+
+/// Makes tiles of the ground; one a thread, its memory is reused.
+pub struct GroundFilter {
+    lows: Raster,
+    surface: Raster,
+    opened: [Raster; 2],
+    known: Bits,
+    trusted: Bits,
+    low: Bits,
+    object: Vec<bool>,
+    opening: Opening,
+}
+
+impl Default for GroundFilter {
+    fn default() -> GroundFilter {
+        let raster = || vec![NONE; SIDE * SIDE];
+        GroundFilter {
+            lows: raster(),
+            surface: raster(),
+            opened: [raster(), raster()],
+            known: Bits::new(SIDE),
+            trusted: Bits::new(SIDE),
+            low: Bits::new(SIDE),
+            object: vec![false; SIDE * SIDE],
+            opening: Opening::new(SIDE, MOST_WINDOWS),
+        }
+    }
+}
+
+impl GroundFilter {
+    /// The ground of the tile in the middle of `near`, row by row from the south-west. O(cells).
+    pub fn tile(&mut self, ground: &GroundGrid, near: [Option<&LowTile>; 9]) -> GroundTile {
+        if near.iter().all(Option::is_none) {
+            return GroundTile::void();
+        }
+        self.load(near);
+        // Between the points, so that openings have a surface.
+        self.surface.copy_from_slice(&self.lows);
+        self.fill(|of| &of.known, FIRST, ENCLOSED);
+        if self.find_low(ground.steps(LOW_SLOPE * ground.cell())) {
+            self.fill(|of| &of.low, OPENINGS, ENCLOSED);
+        }
+        self.find_objects(ground);
+        self.clear_unknown();
+        self.fill(|of| &of.known, SURFACE, 1);
+        self.finish(ground)
+    }
+
+    /// Lowest heights around the tile, those of points that are classified as ground where there are any.
+    fn load(&mut self, near: [Option<&LowTile>; 9]) {
+        for y in 0..SIDE {
+            // Rows and columns from the south-western corner of the nine tiles.
+            let row = y + TILE_SIDE - MARGIN;
+            let (south, inside) = (row / TILE_SIDE, row % TILE_SIDE * TILE_SIDE);
+            let mut from = TILE_SIDE - MARGIN;
+            let lows = &mut self.lows[y * SIDE..(y + 1) * SIDE];
+            let mut is_trusted = [false; SIDE];
+            let mut x = 0;
+            while x < SIDE {
+                let n = (TILE_SIDE - from % TILE_SIDE).min(SIDE - x);
+                let cells = inside + from % TILE_SIDE..inside + from % TILE_SIDE + n;
+                let lows = &mut lows[x..x + n];
+                match near[south * 3 + from / TILE_SIDE] {
+                    Some(tile) => {
+                        lows.copy_from_slice(&tile.lowest()[cells.clone()]);
+                        if let Some(trusted) = tile.trusted() {
+                            let to = lows.iter_mut().zip(&mut is_trusted[x..x + n]);
+                            for ((low, is_trusted), &trusted) in to.zip(&trusted[cells]) {
+                                *is_trusted = trusted != NONE;
+                                *low = if *is_trusted { trusted } else { *low };
+                            }
+                        }
+                    }
+                    None => lows.fill(NONE),
+                }
+                (x, from) = (x + n, from + n);
+            }
+            self.known.set_row(y, lows.iter().map(|&low| low != NONE));
+            self.trusted.set_row(y, is_trusted.into_iter());
+        }
+    }
+
+    /// Fills the surface between what is known, near what has `changed`.
+    fn fill(&mut self, changed: impl Fn(&Self) -> &Bits, around: usize, octants: usize) {
+        let mut surface = std::mem::take(&mut self.surface);
+        fill(&mut surface, SIDE, [&self.known, changed(self)], within(around), octants);
+        self.surface = surface;
+    }
+
+    /// Leaves nothing of the surface but what is known.
+    fn clear_unknown(&mut self) {
+        for y in within(SURFACE) {
+            for x in within(SURFACE).filter(|&x| !self.known.has(x, y)) {
+                self.surface[y * SIDE + x] = NONE;
+            }
+        }
+    }
+
+    /// Marks low outliers and takes them out of what is known; whether there are any. `most`: depth of what is none, steps.
+    fn find_low(&mut self, most: u32) -> bool {
+        let closed = &mut self.opened[0];
+        self.opening.close_by_one(&self.surface, within(CLOSED), closed);
+        self.low.clear_all();
+        let mut found = false;
+        for y in within(CLOSED) {
+            for x in within(CLOSED) {
+                let at = y * SIDE + x;
+                // A closing is nowhere below.
+                let depth = closed[at].wrapping_sub(self.surface[at]) as u32;
+                if depth > most && self.known.has(x, y) && !self.trusted.has(x, y) {
+                    self.low.set(x, y);
+                    self.known.clear(x, y);
+                    found = true;
+                }
+            }
+        }
+        found
+    }
+
+    /// Marks objects by openings of growing radius, and takes them out of what is known.
+    fn find_objects(&mut self, ground: &GroundGrid) {
+        self.object.fill(false);
+        let [before, opened] = &mut self.opened;
+        before.copy_from_slice(&self.surface);
+        for radius in 1..=ground.windows() {
+            let most = ground.steps(OBJECT_SLOPE * radius as f64 * ground.cell());
+            self.opening.open(&self.surface, radius, within(OPENED), opened);
+            for y in within(OPENED) {
+                let row = y * SIDE + within(OPENED).start..y * SIDE + within(OPENED).end;
+                let pairs = before[row.clone()].iter().zip(&opened[row.clone()]);
+                for (object, (&before, &opened)) in self.object[row].iter_mut().zip(pairs) {
+                    *object |= i64::from(before) - i64::from(opened) > i64::from(most);
+                }
+            }
+            std::mem::swap(before, opened);
+        }
+        for y in within(OPENED) {
+            for x in within(OPENED) {
+                let at = y * SIDE + x;
+                self.object[at] &= self.known.has(x, y) && !self.trusted.has(x, y);
+                if self.object[at] {
+                    self.known.clear(x, y);
+                }
+            }
+        }
+    }
+
+    /// The tile and its ring.
+    fn finish(&self, ground: &GroundGrid) -> GroundTile {
+        let mut tile = GroundTile::void();
+        let steps = ground.cell() / ground.grid.height_step;
+        for (row, y) in within(1).enumerate() {
+            for (column, x) in within(1).enumerate() {
+                let (at, to) = (y * SIDE + x, row * RINGED + column);
+                let height = self.surface[at];
+                let known = self.known.has(x, y);
+                tile.heights[to] = height;
+                let flags = [
+                    (known, MEASURED),
+                    (!known && height != NONE, FILLED),
+                    (self.object[at], OBJECT),
+                    (self.low.has(x, y), LOW),
+                    (self.trusted.has(x, y), CLASSIFIED),
+                ];
+                tile.flags[to] = flags.iter().filter(|(is, _)| *is).fold(0, |flags, (_, flag)| flags | flag);
+                if height != NONE {
+                    let rise = [1, SIDE].map(|step| {
+                        // Over two cells; at voids over one.
+                        let [back, ahead] = [self.surface[at - step], self.surface[at + step]];
+                        let ends = [back, ahead].map(|end| if end == NONE { height } else { end });
+                        let cells = u8::from(back != NONE) + u8::from(ahead != NONE);
+                        let rise = (i64::from(ends[1]) - i64::from(ends[0])) as f64;
+                        rise / (f64::from(cells.max(1)) * steps)
+                    });
+                    tile.slopes[to] = (rise[0] * rise[0] + rise[1] * rise[1]).sqrt() as f32;
+                }
+            }
+        }
+        tile
+    }
+}
