@@ -23,7 +23,7 @@ uint block_of(uvec2 column) { return (column.y >> DERIVED_BLOCK_LOG2) << DERIVED
 uint in_block(uvec2 column) { return (column.y & 3u) << DERIVED_BLOCK_LOG2 | column.x & 3u; }
 
 // How many codes of a level lie before `level`, 0 to 2, in a block: of those where something may float, too, whose words are in the same order.
-uint before_in_block(uint level) { return level * LEVEL_1 - (level >> 1u) * (2u * LEVEL_1 - STACK_LEVEL_2); }
+uint before_in_block(uint level) { return level == 2u ? STACK_LEVEL_2 : level * LEVEL_1; }
 
 // Code of `node` of pyramid level `level`. 0: nothing is there. Two codes a word, or one where they are wide, and in blocks where something
 // may float.
