@@ -51,8 +51,11 @@ bool top_at(inout Here here, inout int shown, int detail, ivec2 column, out floa
     uint code = code_at(section, detail, column);
 #ifdef STACKED
     // Of what floats, too, where that is looked at.
-    if (!over && code != 0u && detail <= shown && node_floats(here.slot) != 0u)
-        code = solid_code(section.pyramid, uvec2(column >> shown - detail) & (SECTION_SIDE - 1u), section.form);
+    if (!over && code != 0u && detail <= shown && node_floats(here.slot) != 0u) {
+        uvec2 inner = uvec2(column >> shown - detail) & (SECTION_SIDE - 1u);
+        uint list = list_of(section.pyramid, block_of(inner));
+        if (list != 0u) code = code_in(section.pyramid, list, OF_SOLID, in_block(inner), section.form);
+    }
 #endif
     top = float(height_of(section, code));
     return code != 0u;
