@@ -708,7 +708,7 @@ impl Scene {
                 detail: key.section.level,
                 pyramid,
                 code: version.layout.code,
-                floats: self.may_float(version),
+                floats: Self::may_float(version),
                 corners: version.layout.corners(),
                 joins: version.layout.joins(),
                 top,
@@ -719,10 +719,10 @@ impl Scene {
         entries
     }
 
-    /// Whether anything of a section may float under the mask.
-    fn may_float(&self, version: &Version) -> bool {
+    /// Whether anything of a section may float under the mask that it shows, which is another while classes are switched.
+    fn may_float(version: &Version) -> bool {
         let may = |&(class, withheld, _): &(u8, bool, Height)| {
-            !is_always_solid(class) && self.visibility.shows(class, withheld)
+            !is_always_solid(class) && version.shown.shows(class, withheld)
         };
         version.layout.floats.is_some_and(|floats| floats.spans > 0) && version.highest_of.iter().any(may)
     }
