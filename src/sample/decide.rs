@@ -13,7 +13,7 @@ use super::seen::{Asked, Seen, hidden_by_default, unpack};
 use super::shapes::{Shape, Shapes};
 use super::summary::{Shown, counts, summarise, times};
 use super::weighted::Weighted;
-use crate::attribute::{AttributeSummary, Kinds, Spread};
+use crate::attribute::{AttributeSummary, ColorMode, Kinds, Scales, Spread};
 use crate::coords::{Bounds, Hull, LowSurface};
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
@@ -98,6 +98,8 @@ pub struct Sample {
     /// Of the points that were asked for (where there are none of them, of those shown by default, or of all); counts are
     /// estimates unless `whole`.
     pub attributes: AttributeSummary,
+    /// What colours show where nothing is asked for: it follows from all points that are shown by default.
+    pub color: ColorMode,
     /// Points of each class that take part, hidden ones included; estimates unless `counted`.
     pub classes: Box<[u64; 256]>,
     /// Kinds of points that take part and were seen, hidden ones included.
@@ -191,6 +193,29 @@ fn above(
     Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
 }
 
+/// Area that files cover, square CRS units.
+fn covered_area(bounds: &[Option<Bounds>]) -> f64 {
+    let boxes: Vec<Bounds> = bounds.iter().flatten().copied().collect();
+    frame::covered_area(&boxes)
+}
+
+/// What codes mean where `all` are the points that count; their density is left out. `whole`: every point was seen.
+fn scales(
+    sample: &Weighted,
+    all: &[Shown],
+    of_all: &AttributeSummary,
+    (metre, whole): (f64, bool),
+) -> Scales {
+    let all_times = sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight));
+    Scales {
+        metre,
+        times: times(all_times, whole),
+        reach: Scales::reach_of(all.iter().map(|point| (point.u, point.weight)), metre),
+        lines: of_all.source_ids.iter().map(|(id, _)| *id).collect(),
+        density: 0.0,
+    }
+}
+
 /// Takes the opening sample of `files` (sorted by path) and decides; `asked`: what is to be shown at first.
 pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget: &SampleBudget) -> Sample {
     let mut problems = Vec::new();
@@ -247,7 +272,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         false => (shapes.of_shown(&usual, &shown), of_all),
     };
     let Tally { kinds, classes, selected } = Tally::of(&sample);
-    let shown_points = shown_points(&sample, framed, &rgb, shown);
+    let of_shown = shown_points(&sample, framed, &rgb, shown);
     let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
     let ground = ground::Ground {
         selection,
@@ -263,7 +288,15 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let patches = ground::patches(&places, &seen, &ground);
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
     let cell = cell::choose(&patches, finest.fold(f64::INFINITY, f64::min));
-    let above = shape.as_ref().map_or(Spread::default(), |(_, low)| above(low, &sample, framed, shown));
+    // Roofs alone are no ground: that is below all.
+    let low = shape_of_all.as_ref().or(shape.as_ref()).map(|(_, low)| low);
+    let above = low.map_or(Spread::default(), |low| above(low, &sample, framed, shown));
+    let has_rgb = drawn.iter().any(|&index| rgb::has_rgb(&files[index].file));
+    let all_points = if is_usual { of_shown.clone() } else { shown_points(&sample, framed, &rgb, usual) };
+    let of_all = summarise(&all_points, has_rgb);
+    let density = if is_usual { cell.density } else { of_all.points as f64 / covered_area(&bounds) };
+    let metre = world.unit.as_ref().map_or(1.0, |unit| unit.si.recip());
+    let scales = Scales { density, ..scales(&sample, &all_points, &of_all, (metre, whole)) };
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,
@@ -274,14 +307,11 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         cell,
         attributes: AttributeSummary {
             above,
-            density: cell.density,
-            metre: world.unit.as_ref().map_or(1.0, |unit| unit.si.recip()),
-            times: times(
-                sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight)),
-                whole,
-            ),
-            ..summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file)))
+            scales,
+            is_of_shown: is_there,
+            ..summarise(&of_shown, has_rgb)
         },
+        color: ColorMode::auto(&of_all),
         classes: counts(&classes),
         kinds,
         bounds: frame,

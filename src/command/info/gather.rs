@@ -4,7 +4,6 @@ use super::args::Args;
 use super::classes::ClassCount;
 use super::report::{FileReport, InfoReport, Total};
 use super::scan::{self, Scan};
-use crate::attribute::ColorMode;
 use crate::coords::{Bounds, height_step};
 use crate::problems::Problems;
 use crate::sample::{self, FrameNote, Opened, RgbDepth, Sample, SampleBudget};
@@ -148,7 +147,7 @@ fn total(sample: &Sample, reports: &[FileReport]) -> Total {
         cell: sample.cell.cell,
         height_step: sample.bounds.and_then(|b| height_step(sample.cell.cell, [b.min.z, b.max.z])),
         coverage: sample.cell.coverage,
-        color: ColorMode::auto(attributes).name(),
+        color: sample.color.name(),
         height_p2_p98: [2.0, 98.0].map(|percent| attributes.height.percentile(percent)),
         intensity_p2_p98: [2.0, 98.0].map(|percent| attributes.intensity.percentile(percent)),
         sampled: sample.sampled,
