@@ -779,8 +779,8 @@ fn constant_colours_are_named() {
         ("rgb", [65_535; 3], "note: colour is 255,255,255 everywhere, drawn in that colour", [255; 3]),
         ("rgb", [255, 128, 1], "note: colour is 255,128,1 everywhere, drawn in that colour", [255, 128, 1]),
         ("rgb", [0; 3], "note: colour is 0,0,0 everywhere, drawn grey", [166; 3]),
-        ("class", [0; 3], "note: class is 6 (building) everywhere, drawn in that colour", [190, 118, 100]),
-        ("return", [0; 3], "note: return is single everywhere, drawn in that colour", [222, 208, 178]),
+        ("class", [0; 3], "note: class is 6 (building) everywhere, drawn in its colour", [190, 118, 100]),
+        ("return", [0; 3], "note: return is single everywhere, drawn in its colour", [222, 208, 178]),
         ("intensity", [0; 3], "note: intensity is 9 everywhere, drawn grey", [166; 3]),
     ] {
         let (said, pixel) = draw(color, rgb);
