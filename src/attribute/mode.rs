@@ -63,6 +63,11 @@ impl ColorMode {
         }
     }
 
+    /// Whether its values become colours of a ramp.
+    pub fn has_ramp(self) -> bool {
+        !matches!(self, ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId)
+    }
+
     /// Whether what codes of its channel mean follows from the data.
     pub fn is_scaled(self) -> bool {
         matches!(
