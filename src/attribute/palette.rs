@@ -78,7 +78,7 @@ mod tests {
     fn ids_that_are_there_differ_well() {
         assert!(least_apart(&[44_266, 57_138]) > 0.2);
         // Such that all share an entry by the usual step.
-        let alike: Vec<u16> = (0..16u32).map(|k| ((k << 8) + (219 * k & 255)) as u16).collect();
+        let alike: Vec<u16> = (0..16u32).map(|k| ((k << 8) + ((219 * k) & 255)) as u16).collect();
         assert_eq!(alike.iter().map(|id| entry((*id).into(), USUAL_STEP)).collect::<BTreeSet<_>>().len(), 1);
         let spread: Vec<u16> = (0..16).map(|k| 1 + k * 4093).collect();
         let neighbours: Vec<u16> = (7_320..7_336).collect();

@@ -238,7 +238,7 @@ pub(super) mod tests {
     #[test]
     fn codes_reach_beyond_the_heights_that_were_seen() {
         let reach = |heights: &[f64], metre| Scales::reach_of(heights.iter().map(|h| (*h, 1.0)), metre);
-        let flat = |tower: f64| [vec![0.0, 0.5].repeat(500), vec![tower]].concat();
+        let flat = |tower: f64| [[0.0, 0.5].repeat(500), vec![tower]].concat();
         // Nothing is known; little is; a mast on flat land; mountains; feet; a stray.
         assert_eq!(reach(&[], 1.0), TOWER);
         assert_eq!(reach(&[7.0], 1.0), TOWER);

@@ -193,27 +193,27 @@ fn above(
     Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
 }
 
-/// Area that files cover, square CRS units.
-fn covered_area(bounds: &[Option<Bounds>]) -> f64 {
-    let boxes: Vec<Bounds> = bounds.iter().flatten().copied().collect();
-    frame::covered_area(&boxes)
-}
-
-/// What codes mean where `all` are the points that count; their density is left out. `whole`: every point was seen.
-fn scales(
+/// What codes mean, and what colours show where nothing is asked for: by `points`, all that count. `density`: theirs, where it
+/// is known better than by the area that files cover; `whole`: every point was seen.
+fn by_all(
     sample: &Weighted,
-    all: &[Shown],
-    of_all: &AttributeSummary,
-    (metre, whole): (f64, bool),
-) -> Scales {
+    (points, has_rgb): (&[Shown], bool),
+    bounds: &[Option<Bounds>],
+    world: &World,
+    (density, whole): (Option<f64>, bool),
+) -> (Scales, ColorMode) {
+    let metre = world.unit.as_ref().map_or(1.0, |unit| unit.si.recip());
+    let all = summarise(points, has_rgb);
     let all_times = sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight));
-    Scales {
+    let area = || frame::covered_area(&bounds.iter().flatten().copied().collect::<Vec<_>>());
+    let scales = Scales {
         metre,
         times: times(all_times, whole),
-        reach: Scales::reach_of(all.iter().map(|point| (point.u, point.weight)), metre),
-        lines: of_all.source_ids.iter().map(|(id, _)| *id).collect(),
-        density: 0.0,
-    }
+        reach: Scales::reach_of(points.iter().map(|point| (point.u, point.weight)), metre),
+        lines: all.source_ids.iter().map(|(id, _)| *id).collect(),
+        density: density.unwrap_or_else(|| all.points as f64 / area()),
+    };
+    (scales, ColorMode::auto(&all))
 }
 
 /// Takes the opening sample of `files` (sorted by path) and decides; `asked`: what is to be shown at first.
@@ -293,10 +293,9 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let above = low.map_or(Spread::default(), |low| above(low, &sample, framed, shown));
     let has_rgb = drawn.iter().any(|&index| rgb::has_rgb(&files[index].file));
     let all_points = if is_usual { of_shown.clone() } else { shown_points(&sample, framed, &rgb, usual) };
-    let of_all = summarise(&all_points, has_rgb);
-    let density = if is_usual { cell.density } else { of_all.points as f64 / covered_area(&bounds) };
-    let metre = world.unit.as_ref().map_or(1.0, |unit| unit.si.recip());
-    let scales = Scales { density, ..scales(&sample, &all_points, &of_all, (metre, whole)) };
+    let attributes = summarise(&of_shown, has_rgb);
+    let known = (is_usual.then_some(cell.density), whole);
+    let (scales, color) = by_all(&sample, (&all_points, has_rgb), &bounds, &world, known);
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,
@@ -305,13 +304,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         counted: whole && sampled == points,
         whole,
         cell,
-        attributes: AttributeSummary {
-            above,
-            scales,
-            is_of_shown: is_there,
-            ..summarise(&of_shown, has_rgb)
-        },
-        color: ColorMode::auto(&of_all),
+        attributes: AttributeSummary { above, scales, is_of_shown: is_there, ..attributes },
+        color,
         classes: counts(&classes),
         kinds,
         bounds: frame,
