@@ -1720,6 +1720,33 @@ fn measures_do_not_depend_on_what_is_shown() {
 }
 
 #[test]
+fn a_hall_wider_than_a_section_is_as_high_as_it_is_or_unknown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut records = Vec::new();
+    for (i, j) in (0..600).flat_map(|i| (0..600).map(move |j| (i, j))) {
+        let is_hall = (60..540).contains(&i) && (60..540).contains(&j);
+        let (z, class) = if is_hall { (2000, 6) } else { (1000, 2) };
+        records.extend([25 + 50 * i, 25 + 50 * j, z].map(i32::to_le_bytes).concat());
+        records.extend([0, 0, 0x09, class, 0, 0, 1, 0]);
+        records.extend(0f64.to_le_bytes());
+    }
+    write_lines(&folder.path().join("lines.las"), records);
+    for (cell, least) in [("0.5", 0.6), ("1", 0.95), ("4", 0.99)] {
+        let line =
+            ["render", "lines.las", "-o", "a.exr", "--shade", "none", "--ortho", "--color", "hag", "--cell"];
+        let ran = run(folder.path(), &words(line.into_iter().chain([cell])), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        let values = hit_values(&folder.path().join("a.exr"), "height_above_ground");
+        let roofs: Vec<f32> =
+            values.iter().filter(|[_, height]| *height > 15.0).map(|[above, _]| *above).collect();
+        assert!(roofs.iter().all(|above| above.is_nan() || (above - 10.0).abs() < 0.01), "cells of {cell}");
+        let known = roofs.iter().filter(|above| !above.is_nan()).count() as f64 / roofs.len() as f64;
+        assert!(known >= least, "cells of {cell}: {known} are known");
+        assert!(values.iter().all(|[above, height]| *height > 15.0 || *above == 0.0), "cells of {cell}");
+    }
+}
+
+#[test]
 fn measures_of_the_demo_are_those_of_its_town() {
     let folder = tempfile::tempdir().unwrap();
     let values = |color: &str, name: &str| {
