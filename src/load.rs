@@ -628,6 +628,7 @@ impl ScanSample {
     fn summary(&self, grid: &Grid, flat: &Bounds, density: f64) -> AttributeSummary {
         let low = LowSurface::of(flat, &self.all_places);
         let above = |place: &DVec3| (place.z - low.at(place.truncate()), 1.0);
+        let heights = || self.all_places.iter().map(|place| place.z);
         let times = self.times;
         AttributeSummary {
             source_ids: self.source_ids.iter().map(|(id, points)| (*id, *points)).collect(),
@@ -640,7 +641,7 @@ impl ScanSample {
             scales: Scales {
                 metre: 1.0,
                 times,
-                reach: Scales::reach_of(self.all_places.iter().map(|place| (place.z, 1.0)), 1.0),
+                reach: Scales::reach_of(heights(), &Spread::of(heights().map(|height| (height, 1.0))), 1.0),
                 density,
                 lines: self.lines.iter().copied().collect(),
             },

@@ -107,12 +107,12 @@ impl Default for Scales {
 }
 
 impl Scales {
-    /// How far lengths are to be told apart where points have these heights (with weights), CRS units.
-    pub fn reach_of(heights: impl Iterator<Item = (f64, f64)>, metre: f64) -> f64 {
-        let heights: Vec<_> = heights.filter(|(height, _)| height.is_finite()).collect();
-        let ends = |(low, high): (f64, f64), (height, _): &(f64, f64)| (low.min(*height), high.max(*height));
-        let (low, high) = heights.iter().fold((f64::INFINITY, f64::NEG_INFINITY), ends);
-        let Spread { min, max, .. } = Spread::of(heights.into_iter());
+    /// How far lengths are to be told apart where points have these heights, which are spread like that, CRS units.
+    pub fn reach_of(heights: impl Iterator<Item = f64>, spread: &Spread, metre: f64) -> f64 {
+        let ends = |(low, high): (f64, f64), height: f64| (low.min(height), high.max(height));
+        let finite = heights.filter(|height| height.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), ends);
+        let Spread { min, max, .. } = *spread;
         // A mast on flat land is a stray to the spread.
         let seldom = (FAR_BEYOND * (max - min)).max(BEYOND * (high - low)).min(TOWER * metre);
         let reach = (BEYOND * (max - min)).max(seldom);
@@ -157,7 +157,8 @@ impl AttributeSample {
             returns[usize::from(a.returns)] += 1;
         }
         let first = p.first().map_or([0; 3], |a| a.rgb);
-        let heights = || p.iter().map(|a| (grid.units(a.height), 1.0));
+        let heights = || p.iter().map(|a| grid.units(a.height));
+        let height = Spread::of(heights().map(|height| (height, 1.0)));
         AttributeSummary {
             points: p.len() as u64,
             is_of_shown: true,
@@ -165,8 +166,8 @@ impl AttributeSample {
             scan_angle: Spread::default(),
             above: Spread::default(),
             time: Spread::default(),
-            scales: Scales { reach: Scales::reach_of(heights(), 1.0), ..Scales::default() },
-            height: Spread::of(heights()),
+            scales: Scales { reach: Scales::reach_of(heights(), &height, 1.0), ..Scales::default() },
+            height,
             intensity: Spread::of(p.iter().map(|a| (f64::from(a.intensity), 1.0))),
             classes,
             returns,
@@ -237,7 +238,10 @@ pub(super) mod tests {
 
     #[test]
     fn codes_reach_beyond_the_heights_that_were_seen() {
-        let reach = |heights: &[f64], metre| Scales::reach_of(heights.iter().map(|h| (*h, 1.0)), metre);
+        let reach = |heights: &[f64], metre| {
+            let spread = Spread::of(heights.iter().map(|height| (*height, 1.0)));
+            Scales::reach_of(heights.iter().copied(), &spread, metre)
+        };
         let flat = |tower: f64| [[0.0, 0.5].repeat(500), vec![tower]].concat();
         // Nothing is known; little is; a mast on flat land; mountains; feet; a stray.
         assert_eq!(reach(&[], 1.0), TOWER);

@@ -193,27 +193,26 @@ fn above(
     Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
 }
 
-/// What codes mean, and what colours show where nothing is asked for: by `points`, all that count. `density`: theirs, where it
+/// What codes mean, and what colours show where nothing is asked for: by all points that count. `density`: theirs, where it
 /// is known better than by the area that files cover; `whole`: every point was seen.
 fn by_all(
     sample: &Weighted,
-    (points, has_rgb): (&[Shown], bool),
+    (points, all): (&[Shown], &AttributeSummary),
     bounds: &[Option<Bounds>],
     world: &World,
     (density, whole): (Option<f64>, bool),
 ) -> (Scales, ColorMode) {
     let metre = world.unit.as_ref().map_or(1.0, |unit| unit.si.recip());
-    let all = summarise(points, has_rgb);
     let all_times = sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight));
     let area = || frame::covered_area(&bounds.iter().flatten().copied().collect::<Vec<_>>());
     let scales = Scales {
         metre,
         times: times(all_times, whole),
-        reach: Scales::reach_of(points.iter().map(|point| (point.u, point.weight)), metre),
+        reach: Scales::reach_of(points.iter().map(|point| point.u), &all.height, metre),
         lines: all.source_ids.iter().map(|(id, _)| *id).collect(),
         density: density.unwrap_or_else(|| all.points as f64 / area()),
     };
-    (scales, ColorMode::auto(&all))
+    (scales, ColorMode::auto(all))
 }
 
 /// Takes the opening sample of `files` (sorted by path) and decides; `asked`: what is to be shown at first.
@@ -292,10 +291,12 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let low = shape_of_all.as_ref().or(shape.as_ref()).map(|(_, low)| low);
     let above = low.map_or(Spread::default(), |low| above(low, &sample, framed, shown));
     let has_rgb = drawn.iter().any(|&index| rgb::has_rgb(&files[index].file));
-    let all_points = if is_usual { of_shown.clone() } else { shown_points(&sample, framed, &rgb, usual) };
     let attributes = summarise(&of_shown, has_rgb);
+    let others = (!is_usual).then(|| shown_points(&sample, framed, &rgb, usual));
+    let of_others = others.as_ref().map(|others| summarise(others, has_rgb));
+    let all = (others.as_ref().unwrap_or(&of_shown).as_slice(), of_others.as_ref().unwrap_or(&attributes));
     let known = (is_usual.then_some(cell.density), whole);
-    let (scales, color) = by_all(&sample, (&all_points, has_rgb), &bounds, &world, known);
+    let (scales, color) = by_all(&sample, all, &bounds, &world, known);
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,

@@ -5,7 +5,6 @@ use crate::attribute::{AttributeSummary, Scales, Spread, TimeScale};
 use std::collections::BTreeMap;
 
 /// A point that is summarised, and how many it stands for.
-#[derive(Clone, Copy)]
 pub(super) struct Shown<'a> {
     pub seen: &'a Seen,
     pub weight: f64,

@@ -101,20 +101,46 @@ fn square_of(column: u16) -> usize {
     (y >> SQUARE_LOG2) as usize * SQUARES + (x >> SQUARE_LOG2) as usize
 }
 
-/// The lowest points of each line in each column: by `line << 16 | column`.
-#[derive(Default)]
-pub(super) struct Lines(HashMap<u32, i32, FixedState>);
+/// The lowest points of each line in each column.
+pub(super) struct Lines {
+    /// Of each column a line that has seen it, [`NO_LINE`] for none, and its lowest point: most columns have but one.
+    firsts: Vec<(u32, i32)>,
+    /// Of the others, by `line << 16 | column`.
+    others: HashMap<u32, i32, FixedState>,
+}
+
+/// More than any id.
+const NO_LINE: u32 = u32::MAX;
 
 impl Lines {
+    fn none() -> Lines {
+        Lines { firsts: vec![(NO_LINE, 0); SECTION_COLUMNS], others: HashMap::default() }
+    }
+
     #[inline]
     fn see(&mut self, column: u16, line: u16, low: i32) {
-        let lowest = self.0.entry(u32::from(line) << 16 | u32::from(column)).or_insert(low);
-        *lowest = low.min(*lowest);
+        let (first, lowest) = &mut self.firsts[usize::from(column)];
+        if *first == u32::from(line) {
+            *lowest = low.min(*lowest);
+        } else if *first == NO_LINE {
+            (*first, *lowest) = (line.into(), low);
+        } else {
+            let key = u32::from(line) << 16 | u32::from(column);
+            let lowest = self.others.entry(key).or_insert(low);
+            *lowest = low.min(*lowest);
+        }
+    }
+
+    /// Bytes held: a byte beside each entry of the map tells whether there is one.
+    fn bytes(&self) -> usize {
+        size_of_val(&self.firsts[..]) + self.others.capacity() * (2 * size_of::<u32>() + 1)
     }
 
     /// Each line's lowest point in each column that it has seen, in any order.
     fn each(&self) -> impl Iterator<Item = (u16, u16, i32)> {
-        self.0.iter().map(|(&key, &low)| (key as u16, (key >> 16) as u16, low))
+        let firsts = self.firsts.iter().enumerate().filter(|(_, (line, _))| *line != NO_LINE);
+        let firsts = firsts.map(|(column, &(line, low))| (column as u16, line as u16, low));
+        firsts.chain(self.others.iter().map(|(&key, &low)| (key as u16, (key >> 16) as u16, low)))
     }
 
     /// Of each square the differences of those columns that several lines have seen, steps: from the lowest of their lowest
@@ -153,7 +179,7 @@ impl Measuring {
         let gathered = match measure {
             Measure::AboveGround { .. } => Gathered::Lowest(Lowest::none()),
             Measure::Density { .. } => Gathered::Counts(vec![0; SQUARES * SQUARES]),
-            Measure::LineDifference { .. } => Gathered::Lines(Lines::default()),
+            Measure::LineDifference { .. } => Gathered::Lines(Lines::none()),
         };
         Measuring { measure, gathered }
     }
@@ -163,8 +189,7 @@ impl Measuring {
         match &self.gathered {
             Gathered::Lowest(lowest) => lowest.bytes(),
             Gathered::Counts(counts) => size_of_val(&counts[..]),
-            // A byte beside each tells whether there is one.
-            Gathered::Lines(lines) => lines.0.capacity() * (2 * size_of::<u32>() + 1),
+            Gathered::Lines(lines) => lines.bytes(),
         }
     }
 
@@ -487,7 +512,7 @@ mod tests {
     #[test]
     fn many_lines_in_few_columns_are_gathered_quickly() {
         let begun = std::time::Instant::now();
-        let mut lines = Lines::default();
+        let mut lines = Lines::none();
         for k in 0..1_000_000u32 {
             let line = (k.wrapping_mul(2_654_435_761) >> 16) as u16;
             lines.see((k % 9) as u16, line, -((k % 1000) as i32));
