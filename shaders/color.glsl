@@ -30,19 +30,20 @@ uint class_of(uint shows) { return shows >> SHOWN_CLASS_SHIFT; }
 // Of what has no value.
 const vec3 UNKNOWN = vec3(0.65);
 
-// Entry of a palette; numbers that follow each other have different ones.
-uint palette_entry(uint value) { return value + 37u * (value >> 8u) & 255u; }
+// Entry of a palette of numbers whose high byte counts `counted`.
+uint palette_entry(uint value, uint counted) { return value + counted * (value >> 8u) & 255u; }
 
 // Its colour, sRGB; `top` is the column's, lattice steps from the anchor.
 vec3 srgb_of(uint shows, uint top) {
     if (!RAMPED || frame.color_source == COLOR_RGB) return bytes(shows);
+    if (frame.color_source == COLOR_PALETTE) return RAMP[palette_entry(shows & 0xFFFFu, frame.range_low)].rgb;
     uint value = frame.color_source == COLOR_HEIGHT ? (top + uint(frame.height_anchor)) ^ HEIGHT_SIGN
                : frame.color_source == COLOR_CLASS ? class_of(shows)
                : frame.color_source == COLOR_CHANNEL || frame.color_source == COLOR_KNOWN ? shows & 0xFFFFu
-               : frame.color_source == COLOR_PALETTE ? palette_entry(shows & 0xFFFFu)
-                                          : shows >> SHOWN_RETURNS_SHIFT & 0xFFu;
+               : shows >> SHOWN_RETURNS_SHIFT & 0xFFu;
     if (frame.color_source == COLOR_KNOWN && value == 0u) return UNKNOWN;
-    float at_entry = value > frame.range_low ? min(float(value - frame.range_low) * frame.range_scale, float(RAMP_ENTRIES - 1u)) : 0.0;
+    float beyond = value > frame.range_low ? float(value - frame.range_low) : 0.0;
+    float at_entry = clamp(beyond * frame.range_scale + frame.range_offset, 0.0, float(RAMP_ENTRIES - 1u));
     int entry = int(at_entry);
     return mix(RAMP[entry].rgb, RAMP[min(entry + 1, int(RAMP_ENTRIES) - 1)].rgb, at_entry - float(entry));
 }

@@ -34,8 +34,9 @@ struct Frame {
     int height_anchor; // lattice height of local height 0
     uint shade;        // SHADE_LIT, or 0: exact
     uint color_source; // COLOR_RGB and so on
-    uint range_low;    // value of ramp entry 0; heights biased by 2^31
+    uint range_low;    // value below which there is one colour; heights biased by 2^31; of a palette what the high byte counts
     float range_scale; // entries a step of the value
+    float range_offset; // entry of range_low
     float cell_steps;  // lattice steps in one cell side, exaggeration included: slopes
     vec3 sun;          // towards the sun
     uint background;   // BACKGROUND_NONE and so on

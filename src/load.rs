@@ -1,7 +1,8 @@
 //! From inputs to sections: open, choose once for all files, read and bin. What every command starts with.
 
 use crate::attribute::{
-    AttributeSample, AttributeSummary, Attributes, Channel, ColorMode, Flags, Kinds, Spread, TimeScale,
+    AttributeSample, AttributeSummary, Attributes, Channel, ColorMode, Flags, Kinds, Scales, Spread,
+    TimeScale,
 };
 use crate::coords::{
     Bounds, CELL_LIMIT, Grid, HEIGHT_REACH, Hull, LowSurface, Outline, SectionKey, Slab, height_step,
@@ -23,10 +24,11 @@ use crate::synth;
 use crate::text::tidy;
 use glam::DVec3;
 use indicatif::{HumanBytes, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
+use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 /// What the user decides about reading.
@@ -379,7 +381,6 @@ pub fn open_and_tell(
             });
         }
     }
-    let color = ColorMode::auto(&sample.attributes);
     let outline = |(hull, low): (Hull, LowSurface)| Outline::new(hull.snapped(grid.height_step), low, cell);
     let about = About {
         subject,
@@ -388,7 +389,7 @@ pub fn open_and_tell(
         outline_of_all: sample.shape_of_all.map(outline),
         summary: sample.attributes,
         kinds: sample.kinds,
-        color,
+        color: sample.color,
         crs: sample.world.crs,
         unit: sample.world.unit,
         base: sample.world.base,
@@ -570,24 +571,37 @@ impl Meaning for Scan {
     }
 }
 
-/// Every 32nd point of such a scan.
+/// Every 32nd point of such a scan that is neither noise nor withheld.
 #[derive(Default)]
 struct ScanSample {
+    /// Of those that take part.
     attributes: AttributeSample,
     kinds: Kinds,
     places: Vec<DVec3>,
     source_ids: BTreeMap<u16, u64>,
     angles: Vec<f64>,
+    /// Of all.
+    all_places: Vec<DVec3>,
+    lines: BTreeSet<u16>,
+    /// First and last time of every point.
+    times: Option<TimeScale>,
 }
 
 impl ScanSample {
     fn add(&mut self, block: &PointBlock, selection: &Selection, grid: &Grid) {
+        for &time in &block.gps_time {
+            let times = self.times.get_or_insert(TimeScale { from: time, to: time });
+            (times.from, times.to) = (times.from.min(time), times.to.max(time));
+        }
         for i in (0..block.len()).step_by(32) {
             let place = Scan.world(block, i);
-            let is_selected = selection.holds(block, i) && selection.heights.holds(place.z);
-            if let Some(height) = grid.height(place.z).filter(|_| is_selected)
-                && !sample::hidden_by_default(block.class[i], block.flags[i])
-            {
+            let Some(height) = grid.height(place.z) else { continue };
+            if sample::hidden_by_default(block.class[i], block.flags[i]) {
+                continue;
+            }
+            self.all_places.push(place);
+            self.lines.insert(block.source_id[i]);
+            if selection.holds(block, i) && selection.heights.holds(place.z) {
                 self.places.push(place);
                 self.kinds.insert((block.class[i], Flags::of(block.flags[i])));
                 *self.source_ids.entry(block.source_id[i]).or_default() += 1;
@@ -603,6 +617,40 @@ impl ScanSample {
             }
         }
     }
+
+    /// Whichever thread came first.
+    fn sort(&mut self) {
+        for places in [&mut self.places, &mut self.all_places] {
+            places.sort_unstable_by(|a, b| {
+                a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
+            });
+        }
+    }
+
+    /// What colours are chosen by where the scan has `density` points a square metre and lies in `flat`.
+    fn summary(&self, grid: &Grid, flat: &Bounds, density: f64) -> AttributeSummary {
+        let low = LowSurface::of(flat, &self.all_places);
+        let above = |place: &DVec3| (place.z - low.at(place.truncate()), 1.0);
+        let heights = || self.all_places.iter().map(|place| place.z);
+        let times = self.times;
+        AttributeSummary {
+            source_ids: self.source_ids.iter().map(|(id, points)| (*id, *points)).collect(),
+            scan_angle: Spread::of(self.angles.iter().map(|angle| (*angle, 1.0))),
+            above: Spread::of(self.places.iter().map(above)),
+            // Evenly, as they are flown.
+            time: Spread::of(times.iter().flat_map(|times| {
+                (0..=100).map(|k| (times.from + (times.to - times.from) * f64::from(k) / 100.0, 1.0))
+            })),
+            scales: Scales {
+                metre: 1.0,
+                times,
+                reach: Scales::reach_of(heights(), &Spread::of(heights().map(|height| (height, 1.0))), 1.0),
+                density,
+                lines: self.lines.iter().copied().collect(),
+            },
+            ..self.attributes.summary(grid)
+        }
+    }
 }
 
 /// A block of a scan with all fields that are decoded of files.
@@ -615,18 +663,27 @@ fn block_of(scan: &synth::ScanBlock) -> PointBlock {
     }
 }
 
-/// First and last time of a scan of `tiles`.
-fn times_of(town: &synth::Town, tiles: &[synth::Tile]) -> TimeScale {
-    let mut times = TimeScale { from: f64::INFINITY, to: f64::NEG_INFINITY };
-    for tile in tiles {
-        let Ok(()) = synth::scan(town, tile, |scan| {
-            for time in &scan.gps_time {
-                (times.from, times.to) = (times.from.min(*time), times.to.max(*time));
-            }
-            Ok::<(), std::convert::Infallible>(())
-        });
-    }
-    times
+/// Scans `tiles` on all cores: `each` block goes with what `start` has made for its thread.
+fn scan_all<S>(
+    town: &synth::Town,
+    tiles: &[synth::Tile],
+    start: impl Fn() -> S + Sync,
+    each: impl Fn(&mut S, &PointBlock) + Sync,
+) {
+    let next = std::sync::atomic::AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..threads() {
+            scope.spawn(|| {
+                let mut state = start();
+                while let Some(tile) = tiles.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let Ok(()) = synth::scan(town, tile, |scan| {
+                        each(&mut state, &block_of(scan));
+                        Ok::<(), std::convert::Infallible>(())
+                    });
+                }
+            });
+        }
+    });
 }
 
 /// The scan of `tiles`, at least one, of a synthetic town, made in memory, for pictures in these colours.
@@ -649,51 +706,40 @@ pub fn tiles_of(
     let cell = options.cell.unwrap_or(0.5.into()).in_units(Some(&metre)).map_err(LoadError::NoUnit)?;
     let grid = grid(cell, &flat)?;
     let selection = &options.asked.selection;
-    let times = (color == Some(ColorMode::GpsTime)).then(|| times_of(town, tiles));
-    let timed = AttributeSummary { times, ..AttributeSample::default().summary(&grid) };
-    let channel = color.and_then(|color| color.channel(&timed)).unwrap_or_default();
-    let reading = Reading { selection: selection.clone(), channel };
+    let all_points: u64 = tiles.iter().map(|tile| tile.points).sum();
+    let sampled = Mutex::new(ScanSample::default());
+    let sample = |block: &PointBlock| {
+        sampled.lock().unwrap_or_else(PoisonError::into_inner).add(block, selection, &grid);
+    };
+    let summary = || {
+        let mut sampled = sampled.lock().unwrap_or_else(PoisonError::into_inner);
+        sampled.sort();
+        sampled.summary(&grid, &flat, all_points as f64 / ((east - west) * (north - south)))
+    };
+    // What codes mean is known before points are coded.
+    let is_scaled = color.is_some_and(ColorMode::is_scaled);
+    if is_scaled {
+        scan_all(town, tiles, || (), |(), block| sample(block));
+    }
+    let legend = if is_scaled { summary() } else { AttributeSample::default().summary(&grid) };
+    let channel = color.and_then(|color| color.channel(&legend));
+    let reading = Reading { selection: selection.clone(), channel: channel.unwrap_or_default() };
     let bins = Bins::new(options.surface, grid, core(cell, &flat), options.budget).with_reading(reading);
     let progress = ReadProgress::default();
-    let sampled = std::sync::Mutex::new(ScanSample::default());
-    watched(tiles.iter().map(|t| t.points).sum(), options.quiet, &progress, || {
-        let next = std::sync::atomic::AtomicUsize::new(0);
-        std::thread::scope(|scope| {
-            for _ in 0..threads() {
-                scope.spawn(|| {
-                    let mut binner = Binner::default();
-                    while let Some(tile) = tiles.get(next.fetch_add(1, Ordering::Relaxed)) {
-                        let Ok(()) = synth::scan(town, tile, |scan| {
-                            let block = block_of(scan);
-                            binner.bin(&bins, &Scan, &block);
-                            progress.points.fetch_add(scan.len() as u64, Ordering::Relaxed);
-                            let mut sampled = sampled.lock().unwrap_or_else(|e| e.into_inner());
-                            sampled.add(&block, selection, &grid);
-                            Ok::<(), std::convert::Infallible>(())
-                        });
-                    }
-                });
+    watched(all_points, options.quiet, &progress, || {
+        scan_all(town, tiles, Binner::default, |binner, block| {
+            binner.bin(&bins, &Scan, block);
+            progress.points.fetch_add(block.len() as u64, Ordering::Relaxed);
+            if !is_scaled {
+                sample(block);
             }
         });
     });
-    let sampled = sampled.into_inner().unwrap_or_else(|e| e.into_inner());
-    let ScanSample { attributes, kinds, mut places, source_ids, angles } = sampled;
+    let summary = summary();
+    let ScanSample { kinds, places, .. } = sampled.into_inner().unwrap_or_else(PoisonError::into_inner);
     if places.is_empty() && !selection.is_all() {
         return Err(LoadError::NoneSelected(selection.words()));
     }
-    let summary = AttributeSummary {
-        source_ids: source_ids.into_iter().collect(),
-        scan_angle: Spread::of(angles.into_iter().map(|angle| (angle, 1.0))),
-        // Evenly, as they are flown.
-        time: Spread::of(times.iter().flat_map(|times| {
-            (0..=100).map(|k| (times.from + (times.to - times.from) * f64::from(k) / 100.0, 1.0))
-        })),
-        times,
-        is_timed: true,
-        ..attributes.summary(&grid)
-    };
-    // Whichever thread came first.
-    places.sort_unstable_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z)));
     let bounds =
         Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
     let points = progress.points.into_inner();

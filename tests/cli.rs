@@ -836,8 +836,8 @@ fn constant_colours_are_named() {
         ("rgb", [65_535; 3], "note: colour is 255,255,255 everywhere, drawn in that colour", [255; 3]),
         ("rgb", [255, 128, 1], "note: colour is 255,128,1 everywhere, drawn in that colour", [255, 128, 1]),
         ("rgb", [0; 3], "note: colour is 0,0,0 everywhere, drawn grey", [166; 3]),
-        ("class", [0; 3], "note: class is 6 (building) everywhere, drawn in that colour", [190, 118, 100]),
-        ("return", [0; 3], "note: return is single everywhere, drawn in that colour", [222, 208, 178]),
+        ("class", [0; 3], "note: class is 6 (building) everywhere, drawn in its colour", [190, 118, 100]),
+        ("return", [0; 3], "note: return is single everywhere, drawn in its colour", [222, 208, 178]),
         ("intensity", [0; 3], "note: intensity is 9 everywhere, drawn grey", [166; 3]),
     ] {
         let (said, pixel) = draw(color, rgb);
@@ -1492,7 +1492,7 @@ fn bench_compares_the_ground_with_classes() {
     assert!(row["truth"][0]["total"].as_f64().unwrap() < 0.1, "{row}");
     assert!(ran("bench --complete --points 20k -q").printed.contains("ground: 20k points"));
     // Nothing is classified: no truth.
-    let mut records = two_lines();
+    let mut records = two_lines(15.0);
     records.chunks_mut(28).for_each(|record| record[15] = 1);
     let made = Made { records, header: Some(([0.01; 3], [0.0; 3])), ..Made::new(1, Packing::Plain, 1) };
     fs::write(folder.path().join("none.las"), made.bytes()).unwrap();
@@ -1714,9 +1714,9 @@ fn bench_names_wrong_arguments() {
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
-/// Records of format 1, scale 0.01: land at 10 with four points of line 1 in each square metre of 64 x 64, a roof 5 above it in
-/// one place; in the east two points more of line 2, a quarter higher.
-fn two_lines() -> Vec<u8> {
+/// Records of format 1, scale 0.01: land at 10 with four points of line 1 in each square metre of 64 x 64, a `roof` in one
+/// place; in the east two points more of line 2, a quarter higher.
+fn two_lines(roof: f64) -> Vec<u8> {
     let mut records = Vec::new();
     let mut add = |x: f64, y: f64, z: f64, class: u8, line: u16| {
         for v in [x, y, z] {
@@ -1729,7 +1729,7 @@ fn two_lines() -> Vec<u8> {
     for (i, j) in (0..64).flat_map(|i| (0..64).map(move |j| (i, j))) {
         let (x, y) = (f64::from(i), f64::from(j));
         let is_roof = (8..16).contains(&i) && (8..16).contains(&j);
-        let (z, class) = if is_roof { (15.0, 6) } else { (10.0, 2) };
+        let (z, class) = if is_roof { (roof, 6) } else { (10.0, 2) };
         for k in 0..4 {
             add(x + 0.25 + 0.5 * f64::from(k % 2), y + 0.25 + 0.5 * f64::from(k / 2), z, class, 1);
         }
@@ -1741,34 +1741,159 @@ fn two_lines() -> Vec<u8> {
     records
 }
 
+/// What a channel of an EXR has where something was hit, and its height there.
+fn hit_values(path: &Path, name: &str) -> Vec<[f32; 2]> {
+    use exr::prelude::FlatSamples;
+    let image = exr::prelude::read_first_flat_layer_from_file(path).unwrap();
+    let channel = |name: &str| {
+        let channels = &image.layer_data.channel_data.list;
+        match &channels.iter().find(|channel| channel.name.to_string() == name).unwrap().sample_data {
+            FlatSamples::F32(values) => values,
+            _ => panic!("{name} are no f32"),
+        }
+    };
+    let hits = channel("distance").iter().map(|distance| distance.is_finite());
+    let values = channel(name).iter().zip(channel("height")).map(|(value, height)| [*value, *height]);
+    values.zip(hits).filter(|(_, is_hit)| *is_hit).map(|(values, _)| values).collect()
+}
+
+/// A file of records of format 1, scale 0.01.
+fn write_lines(path: &Path, records: Vec<u8>) {
+    let made = Made { records, header: Some(([0.01; 3], [0.0; 3])), ..Made::new(1, Packing::Plain, 1) };
+    fs::write(path, made.bytes()).unwrap();
+}
+
+/// Values of a measure of a map of `lines.las`, one a unit.
+fn mapped(folder: &Path, color: &str, more: &[&str]) -> Vec<f32> {
+    let line = ["render", "lines.las", "-o", "a.exr", "--shade", "none", "--ortho=1", "--color", color];
+    let ran = run(folder, &words(line.iter().chain(more).copied()), &[]);
+    assert_eq!(ran.code, Some(0), "{}", ran.said);
+    hit_values(&folder.join("a.exr"), &color.replace('-', "_")).into_iter().map(|[value, _]| value).collect()
+}
+
+#[test]
+fn measures_do_not_depend_on_what_is_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut records = two_lines(60.0);
+    let mut beside = two_lines(60.0);
+    // A wire of few points over the land.
+    for (k, record) in beside.chunks_exact_mut(28).take(20).enumerate() {
+        let (x, z) = (1000 + 200 * k as i32, 4000 + k as i32 % 2);
+        record[..12].copy_from_slice(&[x, 4050, z].map(i32::to_le_bytes).concat());
+        record[15] = 14;
+    }
+    records.extend_from_slice(&beside[..20 * 28]);
+    write_lines(&folder.path().join("lines.las"), records);
+    let spread = |color: &str, more: &[&str]| {
+        let all = [&["--cell", "1", "--surface", "columns"], more].concat();
+        let values = mapped(folder.path(), color, &all);
+        let ends = values.iter().fold([f32::MAX, f32::MIN], |[a, b], v| [a.min(*v), b.max(*v)]);
+        (values.len(), ends)
+    };
+    // As exactly as 16 bits tell of heights up to 250.
+    let near = |value: f32, want: f32| (value - want).abs() < 0.006;
+    let (pixels, [low, high]) = spread("height-above-ground", &["--classes", "6"]);
+    assert!(pixels == 64 && near(low, 50.0) && near(high, 50.0), "{pixels}, {low} to {high}");
+    let (pixels, [low, high]) = spread("height-above-ground", &["--classes", "14"]);
+    // In the east the ground is a quarter higher.
+    assert!(pixels > 18 && near(low, 29.75) && near(high, 30.01), "{pixels}, {low} to {high}");
+    assert_eq!(spread("density", &["--classes", "6"]), (64, [4.0; 2]));
+    // One or two of the wire's points beside the 64 or 96 of a square.
+    assert_eq!(spread("density", &["--classes", "14"]).1, [4.0625, 6.125]);
+    let (pixels, [low, high]) = spread("line-difference", &["--classes", "14"]);
+    assert!(pixels > 3 && near(low, 0.25) && near(high, 0.25), "{pixels}, {low} to {high}");
+}
+
+#[test]
+fn a_hall_wider_than_a_section_is_as_high_as_it_is_or_unknown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut records = Vec::new();
+    for (i, j) in (0..600).flat_map(|i| (0..600).map(move |j| (i, j))) {
+        let is_hall = (60..540).contains(&i) && (60..540).contains(&j);
+        let (z, class) = if is_hall { (2000, 6) } else { (1000, 2) };
+        records.extend([25 + 50 * i, 25 + 50 * j, z].map(i32::to_le_bytes).concat());
+        records.extend([0, 0, 0x09, class, 0, 0, 1, 0]);
+        records.extend(0f64.to_le_bytes());
+    }
+    write_lines(&folder.path().join("lines.las"), records);
+    for (cell, least) in [("0.5", 0.6), ("1", 0.95), ("4", 0.99)] {
+        let line =
+            ["render", "lines.las", "-o", "a.exr", "--shade", "none", "--ortho", "--color", "hag", "--cell"];
+        let ran = run(folder.path(), &words(line.into_iter().chain([cell])), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        let values = hit_values(&folder.path().join("a.exr"), "height_above_ground");
+        let roofs: Vec<f32> =
+            values.iter().filter(|[_, height]| *height > 15.0).map(|[above, _]| *above).collect();
+        assert!(roofs.iter().all(|above| above.is_nan() || (above - 10.0).abs() < 0.01), "cells of {cell}");
+        let known = roofs.iter().filter(|above| !above.is_nan()).count() as f64 / roofs.len() as f64;
+        assert!(known >= least, "cells of {cell}: {known} are known");
+        assert!(values.iter().all(|[above, height]| *height > 15.0 || *above == 0.0), "cells of {cell}");
+    }
+}
+
+#[test]
+fn measures_of_the_demo_are_those_of_its_town() {
+    let folder = tempfile::tempdir().unwrap();
+    let values = |color: &str, name: &str| {
+        let line = ["render", "--demo", "-o", "a.exr", "--shade", "none", "--cell", "2", "--color", color];
+        let ran = run(folder.path(), &words(line.into_iter().chain(["--size", "320x180"])), &[]);
+        assert_eq!(ran.code, Some(0), "{}", ran.said);
+        (hit_values(&folder.path().join("a.exr"), name), ran.said)
+    };
+    let (above, said) = values("hag", "height_above_ground");
+    let highest = above.iter().fold(0.0f32, |high, [above, _]| high.max(*above));
+    assert!((20.0..60.0).contains(&highest), "{highest}");
+    assert!(said.contains("from 0.0 to") && !said.contains("to 1.0"), "{said}");
+    let (apart, _) = values("line-difference", "line_difference");
+    let mut apart: Vec<f32> = apart.into_iter().map(|[apart, _]| apart).filter(|v| !v.is_nan()).collect();
+    apart.sort_by(f32::total_cmp);
+    assert!(apart[apart.len() / 2] < 2.0, "{}", apart[apart.len() / 2]);
+    let (density, said) = values("density", "density");
+    let mean = density.iter().map(|[density, _]| density).sum::<f32>() / density.len() as f32;
+    assert!((5.0..40.0).contains(&mean) && !said.contains("to 2.0"), "{mean}: {said}");
+}
+
+#[test]
+fn options_that_change_nothing_and_lines_that_cannot_differ_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut records = two_lines(15.0);
+    // One line flew all of it.
+    for (k, record) in records.chunks_exact_mut(28).enumerate() {
+        (record[15], record[18], record[19]) = (if k % 3 == 0 { 6 } else { 2 }, 17, 0);
+    }
+    write_lines(&folder.path().join("lines.las"), records);
+    for (arguments, says) in [
+        ("--color class --range 0..5", "note: --range changes nothing: colours by class have no ramp"),
+        ("--color source-id --ramp magma", "note: --ramp changes nothing: colours by source-id have no ramp"),
+        ("--color source-id", "note: source id is 17 everywhere, drawn in one colour"),
+        (
+            "--color line-difference",
+            "note: all points that were seen are of one flight line (source id 17), drawn grey",
+        ),
+        ("--color height --range 0..5", ""),
+        // What is shown changes nothing of it.
+        ("--classes 2", "coloured by class"),
+        ("", "coloured by class"),
+    ] {
+        let line = format!("render lines.las -o a.png --size 64x48 {arguments}");
+        let ran = run(folder.path(), &words(line.split_whitespace()), &[]);
+        assert_eq!(ran.code, Some(0), "{arguments}: {}", ran.said);
+        assert!(ran.said.contains(says), "{arguments}: {}", ran.said);
+        assert_eq!(
+            ran.said.contains("note:"),
+            says.starts_with("note:") || arguments == "--classes 2",
+            "{arguments}: {}",
+            ran.said
+        );
+    }
+}
+
 #[test]
 fn measures_of_a_made_file_are_what_it_was_made_with() {
-    use exr::prelude::FlatSamples;
     let folder = tempfile::tempdir().unwrap();
-    let header = Some(([0.01; 3], [0.0; 3]));
-    let made = Made { records: two_lines(), header, ..Made::new(1, Packing::Plain, 1) };
-    fs::write(folder.path().join("lines.las"), made.bytes()).unwrap();
+    write_lines(&folder.path().join("lines.las"), two_lines(15.0));
     let values = |color: &str, more: &[&str]| {
-        let line =
-            ["render", "lines.las", "-o", "a.exr", "--shade", "none", "--ortho", "1", "--color", color];
-        let ran = run(folder.path(), &words(line.iter().chain(more).copied()), &[]);
-        assert_eq!(ran.code, Some(0), "{}", ran.said);
-        let image = exr::prelude::read_first_flat_layer_from_file(folder.path().join("a.exr")).unwrap();
-        let channel = |name: &str| {
-            image
-                .layer_data
-                .channel_data
-                .list
-                .iter()
-                .find(|channel| channel.name.to_string() == name)
-                .unwrap()
-        };
-        let FlatSamples::F32(distance) = &channel("distance").sample_data else { panic!("no distances") };
-        let FlatSamples::F32(of_mode) = &channel(&color.replace('-', "_")).sample_data else {
-            panic!("no values")
-        };
-        let seen: Vec<f32> =
-            distance.iter().zip(of_mode).filter(|(d, _)| d.is_finite()).map(|(_, value)| *value).collect();
+        let seen = mapped(folder.path(), color, more);
         assert!((4096 - 64..=4096).contains(&seen.len()), "{} pixels of {color}", seen.len());
         seen
     };

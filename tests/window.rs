@@ -1456,3 +1456,45 @@ fn returns_are_chosen_and_points_are_read_again() {
         assert_eq!(window.end(), Some(0));
     });
 }
+
+#[test]
+fn colours_are_chosen_by_the_points_that_take_part_now() {
+    let test = "colours_are_chosen_by_the_points_that_take_part_now";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let (folder, file) = town();
+        let file = file.to_str().unwrap();
+        // Colour, and the values at the ends of its ramp.
+        let open = |more: &[&str]| {
+            let arguments =
+                [&["--size", "1200x860", "--cell", "1", "--color", "hag"], more, &[file]].concat();
+            let mut window = Window::open(&display, folder.path(), &arguments);
+            let mut lines = window.wait_all("first frame").0;
+            window.focus();
+            lines.extend(window.wait_all("settled").0);
+            let ends =
+                lines.iter().rev().find_map(|line| line.strip_prefix("color height-above-ground usual "));
+            let ends = ends.unwrap_or_else(|| panic!("no colours: {lines:?}")).to_owned();
+            (window, ends)
+        };
+        let (mut window, of_all) = open(&[]);
+        // Measures mean the same whatever takes part: the lowest metres tell of no roofs.
+        let heights = |window: &mut Window| {
+            window.click("mode height");
+            window.wait("color height usual")[0].clone()
+        };
+        let all_heights = heights(&mut window);
+        let low: f64 = all_heights.split_once(',').unwrap().0.parse().unwrap();
+        assert_eq!(window.end(), Some(0));
+
+        let some = format!("--heights={low}..{}", low + 2.0);
+        let (mut window, of_some) = open(&[&some]);
+        assert!(of_some != of_all, "{of_some}");
+        window.click("all points");
+        assert_eq!(window.wait_all("reading ").1, "all points; height above ground");
+        assert_eq!(window.wait("color height-above-ground usual")[0], of_all);
+        window.wait("settled");
+        assert_eq!(heights(&mut window), all_heights);
+        assert_eq!(window.end(), Some(0));
+    });
+}

@@ -8,15 +8,18 @@
 const ANGLE_STEPS: f64 = 1.0 / 0.006;
 /// Code of a scan angle of 0.
 const LEVEL: i32 = 1 << 15;
-/// First code of a time: those before stand for none, so that an entry of a colour table is free for that.
-const FIRST_TIME: u16 = 257;
+/// Codes of times that are before the first and after the last that is told apart, and of these two.
+const BEFORE: u16 = 1;
+const AFTER: u16 = u16::MAX;
+const FIRST_TIME: u16 = BEFORE + 1;
+const LAST_TIME: u16 = AFTER - 1;
 
 /// Seconds that are told apart in 16 bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TimeScale {
-    /// First, GPS time as stored; what is before is taken for this.
+    /// First, GPS time as stored; of what is before only that is known.
     pub from: f64,
-    /// Last; what is after is taken for this.
+    /// Last; of what is after likewise.
     pub to: f64,
 }
 
@@ -48,29 +51,36 @@ pub enum Channel {
     ScanAngle,
     /// GPS time, in steps of its scale.
     GpsTime(TimeScale),
-    /// How far the record is above the ground below it; on it or below it: 0.
+    /// How far the record is above the ground below it, one more; on it or below it: 1. 0: nothing is known of the ground there.
     AboveGround(AboveScale),
     /// Points in a square unit, of the square of cells around. 0: none is counted.
     Density(Steps),
-    /// How far flight lines are apart about there, one more; 0: no more than one has seen it.
+    /// How far flight lines are apart about there, one more; 0: no cell there was seen by several.
     LineDifference(Steps),
 }
 
 impl TimeScale {
     /// Seconds between two codes.
     pub fn step(&self) -> f64 {
-        (self.to - self.from) / f64::from(u16::MAX - FIRST_TIME)
+        (self.to - self.from) / f64::from(LAST_TIME - FIRST_TIME)
     }
 
     /// Code of a time; 0: there is none.
     #[inline]
     fn code(&self, time: f64) -> u16 {
-        if !time.is_finite() {
-            return 0;
+        match time {
+            time if !time.is_finite() => 0,
+            time if time < self.from => BEFORE,
+            time if time > self.to => AFTER,
+            time => (self.place(time).round() as u16).min(LAST_TIME),
         }
+    }
+
+    /// Where a time lies among codes, however far beyond them.
+    fn place(&self, time: f64) -> f64 {
         let step = self.step();
-        let steps = if step > 0.0 { ((time - self.from) / step).round() } else { 0.0 };
-        FIRST_TIME + steps.clamp(0.0, f64::from(u16::MAX - FIRST_TIME)) as u16
+        // All are at once: a second is as good as any step.
+        f64::from(FIRST_TIME) + (time - self.from) / if step > 0.0 { step } else { 1.0 }
     }
 }
 
@@ -102,32 +112,62 @@ impl Channel {
     /// The code of a value in its unit, which is held within what there are codes for.
     #[inline]
     pub fn code(&self, value: f64) -> u16 {
+        let lowest = match self {
+            Channel::GpsTime(scale) => return scale.code(value),
+            Channel::AboveGround(_) if value.is_nan() => return 0,
+            Channel::Density(_) if value.is_nan() || value <= 0.0 => return 0,
+            Channel::AboveGround(_) | Channel::Density(_) | Channel::LineDifference(_) => 1.0,
+            Channel::Intensity | Channel::SourceId | Channel::ScanAngle => 0.0,
+        };
+        self.place(value).round().clamp(lowest, u16::MAX.into()) as u16
+    }
+
+    /// Where a value lies among codes, however far beyond them: of what a code stands for, that code.
+    pub fn place(&self, value: f64) -> f64 {
         match self {
-            Channel::Intensity | Channel::SourceId => value.round() as u16,
-            Channel::ScanAngle => {
-                ((value * ANGLE_STEPS).round() as i32).saturating_add(LEVEL).clamp(0, 65_535) as u16
+            Channel::Intensity | Channel::SourceId => value,
+            Channel::ScanAngle => value * ANGLE_STEPS + f64::from(LEVEL),
+            Channel::GpsTime(scale) => scale.place(value),
+            Channel::Density(Steps { unit }) => value / unit,
+            Channel::AboveGround(AboveScale { unit, .. }) | Channel::LineDifference(Steps { unit }) => {
+                value / unit + 1.0
             }
-            Channel::GpsTime(scale) => scale.code(value),
-            // What is not a number is 0.
-            Channel::AboveGround(AboveScale { unit, .. }) => (value / unit).round() as u16,
-            Channel::Density(Steps { unit }) if value > 0.0 => (value / unit).round().max(1.0) as u16,
-            Channel::Density(_) => 0,
-            Channel::LineDifference(Steps { unit }) => ((value / unit).round() as u16).saturating_add(1),
         }
     }
 
-    /// The value of a code, in its unit; `None`: the point has none.
+    /// The value of a code, in its unit; `None`: the point has none, or a time that is not told apart.
     pub fn value(&self, code: u16) -> Option<f64> {
         match self {
             Channel::Intensity | Channel::SourceId => Some(code.into()),
             Channel::ScanAngle => Some(f64::from(i32::from(code) - LEVEL) / ANGLE_STEPS),
             Channel::GpsTime(scale) => {
-                let steps = code.checked_sub(FIRST_TIME)?;
+                let steps = code.checked_sub(FIRST_TIME).filter(|_| code <= LAST_TIME)?;
                 Some(scale.from + f64::from(steps) * scale.step())
             }
-            Channel::AboveGround(AboveScale { unit, .. }) => Some(f64::from(code) * unit),
             Channel::Density(Steps { unit }) => (code > 0).then(|| f64::from(code) * unit),
-            Channel::LineDifference(Steps { unit }) => Some(f64::from(code.checked_sub(1)?) * unit),
+            Channel::AboveGround(AboveScale { unit, .. }) | Channel::LineDifference(Steps { unit }) => {
+                Some(f64::from(code.checked_sub(1)?) * unit)
+            }
+        }
+    }
+
+    /// Whether a code of 0 says that there is no value.
+    pub fn knows_none(&self) -> bool {
+        match self {
+            Channel::Intensity | Channel::SourceId | Channel::ScanAngle => false,
+            Channel::GpsTime(_)
+            | Channel::AboveGround(_)
+            | Channel::Density(_)
+            | Channel::LineDifference(_) => true,
+        }
+    }
+
+    /// What that means, in words.
+    pub fn none_words(&self) -> String {
+        match self {
+            Channel::AboveGround(_) => "ground unknown".to_owned(),
+            Channel::LineDifference(_) => "no cell seen by several flight lines".to_owned(),
+            _ => format!("no {}", self.name()),
         }
     }
 
@@ -140,9 +180,10 @@ impl Channel {
     /// A value in words, as exact as it is known; `length` as in [`Channel::unit`].
     pub fn words(&self, code: u16, length: Option<&str>) -> String {
         let Some(value) = self.value(code) else {
-            return match self {
-                Channel::LineDifference(_) => "seen by one flight line".to_owned(),
-                _ => format!("no {}", self.name()),
+            return match (self, code) {
+                (Channel::GpsTime(TimeScale { from, .. }), BEFORE) => format!("GPS time before {from} s"),
+                (Channel::GpsTime(TimeScale { to, .. }), AFTER) => format!("GPS time after {to} s"),
+                _ => self.none_words(),
             };
         };
         let digits = match self {
@@ -155,7 +196,11 @@ impl Channel {
         };
         let unit = self.unit(length);
         let space = if unit.starts_with(char::is_alphabetic) { " " } else { "" };
-        format!("{} {value:.digits$}{space}{unit}", self.name())
+        // What is measured may be more than there are codes for.
+        let is_measured =
+            matches!(self, Channel::AboveGround(_) | Channel::Density(_) | Channel::LineDifference(_));
+        let at_least = if is_measured && code == u16::MAX { "≥ " } else { "" };
+        format!("{} {at_least}{value:.digits$}{space}{unit}", self.name())
     }
 }
 
@@ -201,17 +246,23 @@ mod tests {
     fn times_that_are_none_or_outside_are_told_apart() {
         let of = |from, to| Channel::GpsTime(TimeScale { from, to });
         let day = of(100.0, 86_500.0);
-        assert_eq!((day.code(f64::NAN), day.value(0), day.value(256)), (0, None, None));
+        assert_eq!((day.code(f64::NAN), day.value(0)), (0, None));
         assert_eq!(
             (day.code(100.0), day.code(0.0), day.code(86_500.0), day.code(1e12)),
-            (257, 257, 65_535, 65_535)
+            (2, 1, 65_534, 65_535)
         );
-        assert_eq!(day.value(257), Some(100.0));
+        assert_eq!(
+            [1, 2, 65_534, 65_535].map(|code| day.value(code)),
+            [None, Some(100.0), Some(86_500.0), None]
+        );
         // All at once.
-        assert_eq!((of(5.0, 5.0).code(5.0), of(5.0, 5.0).value(257)), (257, Some(5.0)));
-        assert_eq!(day.words(257, None), "GPS time 100 s");
-        assert_eq!(day.words(3, None), "no GPS time");
-        assert_eq!(of(100.0, 160.0).words(257, None), "GPS time 100.0000 s");
+        let once = of(5.0, 5.0);
+        assert_eq!(([4.9, 5.0, 5.1].map(|time| once.code(time)), once.value(2)), ([1, 2, 65_535], Some(5.0)));
+        assert_eq!(day.words(2, None), "GPS time 100 s");
+        assert_eq!(day.words(0, None), "no GPS time");
+        assert_eq!(day.words(1, None), "GPS time before 100 s");
+        assert_eq!(day.words(65_535, None), "GPS time after 86500 s");
+        assert_eq!(of(100.0, 160.0).words(2, None), "GPS time 100.0000 s");
         assert_eq!(Channel::ScanAngle.words(Channel::of_angle(-2000), None), "scan angle -12.00°");
         assert_eq!(Channel::SourceId.words(17, None), "source id 17");
         let steps = Steps { unit: 0.0625 };
@@ -219,17 +270,22 @@ mod tests {
         assert_eq!(density.words(0, None), "no point density");
         assert_eq!(density.words(164, Some("m")), "point density 10.25/m²");
         assert_eq!(density.words(164, None), "point density 10.25 a square unit");
-        assert_eq!(lines.words(0, Some("m")), "seen by one flight line");
+        assert_eq!(lines.words(0, Some("m")), "no cell seen by several flight lines");
         assert_eq!(lines.words(3, Some("ft")), "line difference 0.12 ft");
         let above = Channel::AboveGround(AboveScale { unit: 0.015625, reach: 30.0 });
         assert_eq!(
-            (above.words(0, Some("m")), above.words(3200, None)),
-            ("height above ground 0.00 m".to_owned(), "height above ground 50.00".to_owned())
+            [above.words(1, Some("m")), above.words(3201, None), above.words(0, None)],
+            ["height above ground 0.00 m", "height above ground 50.00", "ground unknown"].map(str::to_owned)
         );
         assert_eq!(
-            [above.code(-3.0), above.code(1e9), density.code(0.0), density.code(1e-9)],
-            [0, 65_535, 0, 1]
+            [above.code(-3.0), above.code(1e9), above.code(f64::NAN), density.code(0.0), density.code(1e-9)],
+            [1, 65_535, 0, 0, 1]
         );
+        // There are no codes for more.
+        assert_eq!(above.words(65_535, Some("m")), "height above ground ≥ 1023.97 m");
+        assert_eq!(density.words(65_535, None), "point density ≥ 4095.94 a square unit");
+        assert_eq!(lines.words(65_535, Some("m")), "line difference ≥ 4095.88 m");
+        assert_eq!(Channel::Intensity.words(65_535, None), "intensity 65535");
         assert_eq!([lines.code(0.0), lines.code(1e9)], [1, 65_535]);
     }
 }

@@ -56,11 +56,27 @@ impl ColorMode {
             ColorMode::Intensity => Some(Channel::Intensity),
             ColorMode::SourceId => Some(Channel::SourceId),
             ColorMode::ScanAngle => Some(Channel::ScanAngle),
-            ColorMode::GpsTime => Some(Channel::GpsTime(sample.times.unwrap_or_default())),
-            ColorMode::HeightAboveGround => Some(Channel::AboveGround(sample.above_scale())),
-            ColorMode::Density => Some(Channel::Density(sample.density_steps())),
-            ColorMode::LineDifference => Some(Channel::LineDifference(sample.difference_steps())),
+            ColorMode::GpsTime => Some(Channel::GpsTime(sample.scales.times.unwrap_or_default())),
+            ColorMode::HeightAboveGround => Some(Channel::AboveGround(sample.scales.above_scale())),
+            ColorMode::Density => Some(Channel::Density(sample.scales.density_steps())),
+            ColorMode::LineDifference => Some(Channel::LineDifference(sample.scales.difference_steps())),
         }
+    }
+
+    /// Whether its values become colours of a ramp.
+    pub fn has_ramp(self) -> bool {
+        !matches!(self, ColorMode::Rgb | ColorMode::Class | ColorMode::Return | ColorMode::SourceId)
+    }
+
+    /// Whether what codes of its channel mean follows from the data.
+    pub fn is_scaled(self) -> bool {
+        matches!(
+            self,
+            ColorMode::GpsTime
+                | ColorMode::HeightAboveGround
+                | ColorMode::Density
+                | ColorMode::LineDifference
+        )
     }
 
     /// How what its ramp is of is spread; `None`: it has no ramp, or nothing is known.
@@ -80,7 +96,7 @@ impl ColorMode {
         }
     }
 
-    /// RGB if 5 % of the sample is not black (and not all of one colour), else class if classes beyond
+    /// By a sample of everything, shown or not: RGB if 5 % of it is not black (and not all of one colour), else class if classes beyond
     /// 0, 1, 2, 7, 12 and 18 exceed 10 %, else height.
     pub fn auto(sample: &AttributeSummary) -> ColorMode {
         let telling: u64 = (0..=255u8)

@@ -7,6 +7,14 @@ use crate::coords::Grid;
 /// Widest that stands on the ground, metres, where no class tells what is ground.
 const REACH: f64 = 30.0;
 const MILLIMETRE: f64 = 1.0 / 1024.0;
+/// How far lengths are told apart at least, metres, where heights are not much less: towers that no sample has seen.
+const TOWER: f64 = 250.0;
+/// How far beyond the heights that were seen lengths are told apart at least.
+const BEYOND: f64 = 1.25;
+/// And how far where they are less than [`TOWER`].
+const FAR_BEYOND: f64 = 16.0;
+/// Codes of a density that is as large as that of everything: there are 256 times as many.
+const DENSITY_CODES: f64 = 256.0;
 
 /// Quantiles that are kept, in steps of a thousandth.
 const QUANTILES: usize = 1001;
@@ -76,6 +84,64 @@ pub struct AttributeSample {
     points: Vec<Attributes>,
 }
 
+/// What 16 bits tell apart. It follows from all points that count (neither noise nor withheld), whether they are shown
+/// or not, since that is what measures are of: a code means the same whatever is shown.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scales {
+    /// CRS units in a metre; 1 where that is not known.
+    pub metre: f64,
+    /// What GPS times are told apart by; `None`: there are none.
+    pub times: Option<TimeScale>,
+    /// Lengths are told apart up to here, CRS units.
+    pub reach: f64,
+    /// Points in a square unit, roughly; 0: unknown.
+    pub density: f64,
+    /// Point source ids that were seen, ascending.
+    pub lines: Vec<u16>,
+}
+
+impl Default for Scales {
+    fn default() -> Scales {
+        Scales { metre: 1.0, times: None, reach: TOWER, density: 0.0, lines: Vec::new() }
+    }
+}
+
+impl Scales {
+    /// How far lengths are to be told apart where points have these heights, which are spread like that, CRS units.
+    pub fn reach_of(heights: impl Iterator<Item = f64>, spread: &Spread, metre: f64) -> f64 {
+        let ends = |(low, high): (f64, f64), height: f64| (low.min(height), high.max(height));
+        let finite = heights.filter(|height| height.is_finite());
+        let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), ends);
+        let Spread { min, max, .. } = *spread;
+        // A mast on flat land is a stray to the spread.
+        let seldom = (FAR_BEYOND * (max - min)).max(BEYOND * (high - low)).min(TOWER * metre);
+        let reach = (BEYOND * (max - min)).max(seldom);
+        if reach > 0.0 && reach.is_finite() { reach } else { TOWER * metre }
+    }
+
+    /// A power of two of CRS units, of which 60,000 are the reach.
+    fn length_unit(&self) -> f64 {
+        (self.reach / 60_000.0).log2().ceil().exp2()
+    }
+
+    /// What heights above the ground are told apart by.
+    pub fn above_scale(&self) -> AboveScale {
+        AboveScale { unit: self.length_unit(), reach: REACH * self.metre }
+    }
+
+    /// What densities are.
+    pub fn density_steps(&self) -> Steps {
+        let density = if self.density > 0.0 { self.density } else { 1.0 };
+        Steps { unit: (density / DENSITY_CODES).log2().floor().exp2() }
+    }
+
+    /// What differences of flight lines are: as finely as lasers measure, or finer where all heights are near each other.
+    pub fn difference_steps(&self) -> Steps {
+        let finest = (2.0 * MILLIMETRE * self.metre).log2().floor().exp2();
+        Steps { unit: self.length_unit().min(finest) }
+    }
+}
+
 impl AttributeSample {
     /// Adds one point.
     pub fn push(&mut self, point: Attributes) {
@@ -91,17 +157,17 @@ impl AttributeSample {
             returns[usize::from(a.returns)] += 1;
         }
         let first = p.first().map_or([0; 3], |a| a.rgb);
+        let heights = || p.iter().map(|a| grid.units(a.height));
+        let height = Spread::of(heights().map(|height| (height, 1.0)));
         AttributeSummary {
             points: p.len() as u64,
+            is_of_shown: true,
             source_ids: Vec::new(),
             scan_angle: Spread::default(),
             above: Spread::default(),
-            density: 0.0,
-            metre: 1.0,
             time: Spread::default(),
-            times: None,
-            is_timed: false,
-            height: Spread::of(p.iter().map(|a| (grid.units(a.height), 1.0))),
+            scales: Scales { reach: Scales::reach_of(heights(), &height, 1.0), ..Scales::default() },
+            height,
             intensity: Spread::of(p.iter().map(|a| (f64::from(a.intensity), 1.0))),
             classes,
             returns,
@@ -117,6 +183,8 @@ impl AttributeSample {
 pub struct AttributeSummary {
     /// Points sampled.
     pub points: u64,
+    /// They are such as are shown: of those that were asked for the sample has seen some.
+    pub is_of_shown: bool,
     /// CRS units.
     pub height: Spread,
     /// As stored.
@@ -127,16 +195,10 @@ pub struct AttributeSummary {
     pub scan_angle: Spread,
     /// Above the low surface of the sample, CRS units: roughly above the ground.
     pub above: Spread,
-    /// Points in a square unit, roughly; 0: unknown.
-    pub density: f64,
-    /// CRS units in a metre; 1 where that is not known.
-    pub metre: f64,
     /// GPS time, seconds as stored.
     pub time: Spread,
-    /// What GPS times are told apart by: those of all points, asked for or not; `None`: there are none.
-    pub times: Option<TimeScale>,
-    /// Every point has a GPS time.
-    pub is_timed: bool,
+    /// What codes of values mean: of all points.
+    pub scales: Scales,
     /// Points of each class.
     pub classes: Box<[u64; 256]>,
     /// Points of each `returns` byte.
@@ -149,33 +211,9 @@ pub struct AttributeSummary {
     pub rgb_constant: Option<[u8; 3]>,
 }
 
-impl AttributeSummary {
-    /// A power of two of CRS units, of which 60,000 are all heights.
-    fn height_unit(&self) -> f64 {
-        let extent = self.height.max - self.height.min;
-        if extent > 0.0 { (extent / 60_000.0).log2().ceil().exp2() } else { MILLIMETRE * self.metre }
-    }
-
-    /// What heights above the ground are told apart by.
-    pub fn above_scale(&self) -> AboveScale {
-        AboveScale { unit: self.height_unit(), reach: REACH * self.metre }
-    }
-
-    /// What densities are.
-    pub fn density_steps(&self) -> Steps {
-        let density = if self.density > 0.0 { self.density } else { 1.0 };
-        Steps { unit: (density / 1024.0).log2().floor().exp2() }
-    }
-
-    /// What differences of flight lines are: as finely as lasers measure, where heights allow for no less.
-    pub fn difference_steps(&self) -> Steps {
-        let finest = (2.0 * MILLIMETRE * self.metre).log2().floor().exp2();
-        Steps { unit: self.height_unit().min(finest) }
-    }
-}
-
 #[cfg(test)]
 pub(super) mod tests {
+    use super::super::channel::Channel;
     use super::*;
     use crate::coords::{HEIGHT_STEP, Height};
 
@@ -196,6 +234,28 @@ pub(super) mod tests {
         let (a, b) = (summary(clean.clone()), summary(clean.into_iter().chain([stray])));
         assert_eq!((a.height.min, a.height.max), (b.height.min, b.height.max));
         assert!((a.height.percentile(98.0) - b.height.percentile(98.0)).abs() < 0.02);
+    }
+
+    #[test]
+    fn codes_reach_beyond_the_heights_that_were_seen() {
+        let reach = |heights: &[f64], metre| {
+            let spread = Spread::of(heights.iter().map(|height| (*height, 1.0)));
+            Scales::reach_of(heights.iter().copied(), &spread, metre)
+        };
+        let flat = |tower: f64| [[0.0, 0.5].repeat(500), vec![tower]].concat();
+        // Nothing is known; little is; a mast on flat land; mountains; feet; a stray.
+        assert_eq!(reach(&[], 1.0), TOWER);
+        assert_eq!(reach(&[7.0], 1.0), TOWER);
+        assert_eq!(reach(&[0.0, 0.25], 1.0), 4.0);
+        assert_eq!(reach(&flat(50.0), 1.0), 62.5);
+        assert_eq!(reach(&[0.0, 1600.0], 1.0), 2000.0);
+        assert_eq!(reach(&[0.0, 100.0], 3.28), 250.0 * 3.28);
+        assert_eq!(reach(&flat(180_000.0), 1.0), TOWER);
+        let steps = |reach| Scales { reach, density: 8.75, ..Scales::default() };
+        let highest = |channel: Channel| channel.value(u16::MAX).unwrap();
+        assert!(highest(Channel::AboveGround(steps(62.5).above_scale())) > 62.5);
+        assert!(highest(Channel::LineDifference(steps(62.5).difference_steps())) > 62.5);
+        assert!(highest(Channel::Density(steps(62.5).density_steps())) > 200.0 * 8.75);
     }
 
     #[test]

@@ -4,12 +4,14 @@ use super::channel::Channel;
 use super::class::{class_color, class_name};
 use super::mode::ColorMode;
 use super::oklab::{even_path, oklab_to_srgb};
+use super::palette::{self, SourcePalette};
 use super::ramp::Ramp;
 use super::range::ColorRange;
-use super::record::{Record, bias};
+use super::record::Record;
 use super::returns::ReturnKind;
 use super::summary::{AttributeSummary, Spread};
-use crate::coords::{Grid, Height};
+use crate::coords::Grid;
+use crate::shared::payload::HEIGHT_SIGN;
 use crate::text::tidy;
 
 /// What cannot be coloured as asked.
@@ -50,19 +52,21 @@ const UNKNOWN: f64 = 0.65;
 ///
 /// ```text
 /// v     = word 0 | class | channel | returns            (u32, by mode)
-/// grey  where v = 0                                     (densities and differences of lines)
-/// v     = (v + 37 · ⌊v / 256⌋) mod 256                  (source ids alone)
-/// t     = v > lo ? min(float(v - lo) · scale, 255) : 0
+/// grey  where v = 0                                     (where 0 says that there is no value)
+/// color = table[(v + lo · ⌊v / 256⌋) mod 256]           (source ids alone)
+/// t     = clamp(float(v > lo ? v - lo : 0) · scale + offset, 0, 255)
 /// color = mix(table[floor(t)], table[min(floor(t) + 1, 255)], fract(t))        sRGB; linearise after
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ColorTable {
     /// Which field, and whether a table is used at all.
     pub mode: ColorMode,
-    /// Value of entry 0; heights biased as in [`Record`].
+    /// The value below which there is but one colour; heights biased as in [`Record`]; of source ids what their high byte counts.
     pub lo: u32,
     /// Entries per step of the value.
     pub scale: f32,
+    /// Entry of `lo`, which the range may begin before or after.
+    pub offset: f32,
     /// sRGB, alpha 1.
     pub table: Box<[[f32; 4]; 256]>,
     /// What values of records mean, where the mode colours by those of their channel.
@@ -92,32 +96,52 @@ impl ColorTable {
             channel,
             lo: 0,
             scale: 1.0,
+            offset: 0.0,
             table: table(|i| color(i as u8).map(|v| f64::from(v) / 255.0)),
             range: None,
             constant: None,
         };
-        let ramped = |spread: &Spread, default: Ramp, bias: &dyn Fn(f64) -> u32, steps: f64| {
+        // Between two values that lie at two places among all that there are.
+        let between =
+            |(lo, hi): (f64, f64), [low, high]: [f64; 2], last: f64, color: &dyn Fn(f64) -> [f64; 3]| {
+                let start = low.floor().clamp(0.0, u32::MAX.into());
+                // Finite, so that nothing of it is not a number.
+                let scale = (last / (high - low)).min(1e9);
+                ColorTable {
+                    mode,
+                    channel,
+                    lo: start as u32,
+                    scale: scale as f32,
+                    offset: ((start - low) * scale).clamp(-1e9, 1e9) as f32,
+                    table: table(|i| color((f64::from(i) / last).min(1.0))),
+                    range: Some((lo, hi)),
+                    constant: None,
+                }
+            };
+        let ramped = |spread: &Spread, default: Ramp, place: &dyn Fn(f64) -> f64| {
             let ramp = ramp.unwrap_or(default);
             let (lo, hi) = range.unwrap_or(match ramp {
                 Ramp::Thesis => (spread.min, spread.max),
                 _ => spread.middle(),
             });
-            ColorTable {
-                mode,
-                channel,
-                lo: bias(lo),
-                scale: (ramp.last_index() / ((hi - lo) * steps)) as f32,
-                table: table(|i| ramp.at(f64::from(i) / ramp.last_index())),
-                range: Some((lo, hi)),
-                constant: None,
-            }
+            // What is the same everywhere is no range.
+            let hi = if hi > lo { hi } else { lo + 1.0 };
+            between((lo, hi), [lo, hi].map(place), ramp.last_index(), &|t| ramp.at(t))
+        };
+        let of_channel = |(lo, hi): (f64, f64), color: &dyn Fn(f64) -> [f64; 3]| {
+            let places = [lo, hi].map(|value| channel.unwrap_or_default().place(value));
+            between((lo, hi), places, 255.0, color)
         };
         let own = match mode {
             ColorMode::Rgb if sample.rgb_constant == Some([0; 3]) => None,
             ColorMode::Rgb => Some(direct(|_| [0; 3])),
             ColorMode::Class => Some(direct(class_color)),
             ColorMode::Return => Some(direct(|byte| ReturnKind::of(byte).color())),
-            ColorMode::SourceId => Some(direct(source_color)),
+            ColorMode::SourceId => {
+                let SourcePalette { step, colors } = SourcePalette::of(&sample.scales.lines);
+                let table = table(|i| colors[usize::from(i)].map(|v| f64::from(v) / 255.0));
+                Some(ColorTable { lo: step, table, ..direct(|_| [0; 3]) })
+            }
             ColorMode::Height
             | ColorMode::Intensity
             | ColorMode::ScanAngle
@@ -128,7 +152,12 @@ impl ColorTable {
         };
         if let Some(words) = constant(mode, sample).filter(|_| range.is_none() || own.is_some()) {
             if let Some(own) = own.filter(|_| sample.points > 0) {
-                return Ok(ColorTable { constant: Some(format!("{words}, drawn in that colour")), ..own });
+                let color = match mode {
+                    ColorMode::Rgb => "that colour",
+                    ColorMode::SourceId => "one colour",
+                    _ => "its colour",
+                };
+                return Ok(ColorTable { constant: Some(format!("{words}, drawn in {color}")), ..own });
             }
             let words = format!("{words}, drawn grey");
             let grey = table(|_| [UNKNOWN; 3]);
@@ -139,6 +168,7 @@ impl ColorTable {
                 channel,
                 lo: 0,
                 scale: 0.0,
+                offset: 0.0,
                 table: grey,
                 range: None,
                 constant: Some(words),
@@ -149,61 +179,35 @@ impl ColorTable {
                 own.unwrap_or_else(|| direct(|_| [0; 3]))
             }
             ColorMode::Height => {
-                let biased = |u: f64| biased_steps(u / grid.height_step);
-                ramped(&sample.height, Ramp::Relief, &biased, grid.height_step.recip())
+                let place = |u: f64| u / grid.height_step + f64::from(HEIGHT_SIGN);
+                ramped(&sample.height, Ramp::Relief, &place)
             }
-            ColorMode::Intensity => {
-                ramped(&sample.intensity, Ramp::Grey, &|v| v.clamp(0.0, 65535.0) as u32, 1.0)
-            }
+            ColorMode::Intensity => ramped(&sample.intensity, Ramp::Grey, &|value| value),
             ColorMode::ScanAngle => {
                 // As far to both sides, so that the middle is the nadir.
                 let Spread { min, max, .. } = sample.scan_angle;
                 let most = min.abs().max(max.abs());
-                let (lo, hi) = range.unwrap_or((-most, most));
-                let codes = [lo, hi].map(|value| f64::from(Channel::ScanAngle.code(value)));
-                let steps = (codes[1] - codes[0]).max(1.0);
-                ColorTable {
-                    mode,
-                    channel,
-                    lo: codes[0] as u32,
-                    scale: (255.0 / steps) as f32,
-                    table: table(|i| {
-                        let t = f64::from(i) / 255.0;
-                        ramp.map_or_else(|| diverging(t), |ramp| ramp.at(t))
-                    }),
-                    range: Some((lo, hi)),
-                    constant: None,
-                }
+                let most = if most > 0.0 { most } else { 1.0 };
+                of_channel(range.unwrap_or((-most, most)), &|t| {
+                    ramp.map_or_else(|| diverging(t), |ramp| ramp.at(t))
+                })
             }
             ColorMode::GpsTime => {
-                let times = sample.times.unwrap_or_default();
-                let (lo, hi) = range.unwrap_or((times.from, times.to));
-                let codes = [lo, hi].map(|value| f64::from(Channel::GpsTime(times).code(value)));
                 let ramp = ramp.unwrap_or(Ramp::Turbo);
-                // The first entry is that of no time, and of what is before the range.
-                let scale = 254.0 / (codes[1] - codes[0]).max(1.0);
-                ColorTable {
-                    mode,
-                    channel,
-                    lo: (codes[0] - scale.recip()).max(0.0).round() as u32,
-                    scale: scale as f32,
-                    table: table(|i| match i.checked_sub(1) {
-                        None => [UNKNOWN; 3],
-                        Some(i) => ramp.at(f64::from(i) / 254.0),
-                    }),
-                    range: Some((lo, hi)),
-                    constant: None,
-                }
+                let times = sample.scales.times.unwrap_or_default();
+                of_channel(range.unwrap_or((times.from, times.to)), &|t| ramp.at(t))
             }
             ColorMode::HeightAboveGround | ColorMode::Density | ColorMode::LineDifference => {
-                measured(mode, sample, ramp, range)
+                let color = |t| ramp.map_or_else(|| measure_color(mode, t), |ramp| ramp.at(t));
+                let range = range.unwrap_or_else(|| usual_range(mode, sample));
+                ColorTable { constant: only_line(mode, sample), ..of_channel(range, &color) }
             }
         })
     }
 
     /// Whether codes of 0 are values that are missing, which are grey.
     pub fn knows_none(&self) -> bool {
-        matches!(self.mode, ColorMode::Density | ColorMode::LineDifference)
+        self.channel.is_some_and(|channel| channel.knows_none())
     }
 
     /// sRGB of what the channel of a record holds, where the mode colours by that.
@@ -221,8 +225,9 @@ impl ColorTable {
             }
             ColorMode::Height => w0,
             ColorMode::Class => w1 >> 24,
-            ColorMode::Density | ColorMode::LineDifference if w1 >> 8 & 0xffff == 0 => {
-                return [UNKNOWN as f32; 3];
+            ColorMode::SourceId => {
+                let [r, g, b, _] = self.table[palette::entry(w1 >> 8 & 0xffff, self.lo) as usize];
+                return [r, g, b];
             }
             ColorMode::Intensity
             | ColorMode::ScanAngle
@@ -230,10 +235,12 @@ impl ColorTable {
             | ColorMode::HeightAboveGround
             | ColorMode::Density
             | ColorMode::LineDifference => w1 >> 8 & 0xffff,
-            ColorMode::SourceId => source_entry(w1 >> 8 & 0xffff),
             ColorMode::Return => w2 >> 8 & 255,
         };
-        let t = (value.saturating_sub(self.lo) as f32 * self.scale).min(255.0);
+        if self.knows_none() && value == 0 {
+            return [UNKNOWN as f32; 3];
+        }
+        let t = (value.saturating_sub(self.lo) as f32 * self.scale + self.offset).clamp(0.0, 255.0);
         let (a, b) = (self.table[t as usize], self.table[(t as usize + 1).min(255)]);
         [0, 1, 2].map(|k| a[k] + (b[k] - a[k]) * t.fract())
     }
@@ -259,41 +266,19 @@ fn known_range(
     }
 }
 
-/// The table of what is measured of columns.
-fn measured(
-    mode: ColorMode,
-    sample: &AttributeSummary,
-    ramp: Option<Ramp>,
-    range: Option<(f64, f64)>,
-) -> ColorTable {
-    let (lo, hi) = range.unwrap_or_else(|| usual_range(mode, sample));
-    let channel = mode.channel(sample).unwrap_or_default();
-    let [low, high] = [lo, hi].map(|value| f64::from(channel.code(value)));
-    let color = |t| ramp.map_or_else(|| measure_color(mode, t), |ramp| ramp.at(t));
-    ColorTable {
-        mode,
-        lo: low as u32,
-        scale: (255.0 / (high - low).max(1.0)) as f32,
-        table: table(|i| color(f64::from(i) / 255.0)),
-        channel: Some(channel),
-        range: Some((lo, hi)),
-        constant: None,
-    }
-}
-
 /// Values at the ends of the ramp of what is measured of columns, where none are asked for.
 fn usual_range(mode: ColorMode, sample: &AttributeSummary) -> (f64, f64) {
     match mode {
         ColorMode::Density => {
-            let density = if sample.density > 0.0 { sample.density } else { 1.0 };
+            let density = if sample.scales.density > 0.0 { sample.scales.density } else { 1.0 };
             // In round numbers: the middle is what there is, roughly.
             let step = (density / 4.0).log10().floor().max(-6.0);
             let step = 10.0_f64.powi(step as i32);
             (0.0, (2.0 * density / step).ceil() * step)
         }
-        ColorMode::LineDifference => (0.0, USUAL_DIFFERENCE * sample.metre),
+        ColorMode::LineDifference => (0.0, USUAL_DIFFERENCE * sample.scales.metre),
         _ => {
-            let highest = [sample.above.percentile(98.0), sample.above.max, sample.metre];
+            let highest = [sample.above.percentile(98.0), sample.above.max, sample.scales.metre];
             (0.0, highest.into_iter().find(|height| *height > 0.0).unwrap_or(1.0))
         }
     }
@@ -315,21 +300,6 @@ fn measure_color(mode: ColorMode, t: f64) -> [f64; 3] {
     }
 }
 
-/// Entry of the palette of point source ids that an id has: ids that follow each other have different ones.
-fn source_entry(id: u32) -> u32 {
-    (id + 37 * (id >> 8)) & 255
-}
-
-/// sRGB of a point source id's entry: hues turn by the golden angle, so that neighbours differ.
-fn source_color(entry: u8) -> [u8; 3] {
-    let k = f64::from(entry);
-    let hue = (40.0 + k * 137.507_764_05).to_radians();
-    // Those that come close in hue differ in lightness.
-    let (lightness, chroma) = (0.62 + 0.07 * (k % 3.0), 0.13);
-    let lab = [lightness, chroma * hue.cos(), chroma * hue.sin()];
-    oklab_to_srgb(lab).map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8)
-}
-
 /// Blue, pale in the middle, red; as light to both sides.
 fn diverging(t: f64) -> [f64; 3] {
     const STOPS: [[u8; 3]; 5] =
@@ -348,11 +318,6 @@ fn in_data(asked: ColorRange, spread: &Spread) -> Result<(f64, f64), AttributeEr
     }
 }
 
-/// Height in lattice steps → biased lattice height, held inside the lattice.
-fn biased_steps(steps: f64) -> u32 {
-    bias(Height((steps.ceil() as i32).max(i32::MIN + 1)))
-}
-
 fn table(color: impl Fn(u16) -> [f64; 3]) -> Box<[[f32; 4]; 256]> {
     Box::new(std::array::from_fn(|i| {
         let [r, g, b] = color(i as u16).map(|v| v as f32);
@@ -366,6 +331,10 @@ fn constant(mode: ColorMode, sample: &AttributeSummary) -> Option<String> {
     if sample.points == 0 {
         return Some("no points".to_owned());
     }
+    if !sample.is_of_shown {
+        // What is shown may be anything.
+        return None;
+    }
     match mode {
         ColorMode::Rgb if !sample.has_rgb => Some("there is no RGB in this data".to_owned()),
         ColorMode::Rgb => sample.rgb_constant.map(|[r, g, b]| format!("colour is {r},{g},{b} everywhere")),
@@ -373,7 +342,7 @@ fn constant(mode: ColorMode, sample: &AttributeSummary) -> Option<String> {
         ColorMode::Intensity => spread("intensity", &sample.intensity),
         ColorMode::ScanAngle => spread("scan angle", &sample.scan_angle),
         ColorMode::HeightAboveGround | ColorMode::Density | ColorMode::LineDifference => None,
-        ColorMode::GpsTime => match sample.times {
+        ColorMode::GpsTime => match sample.scales.times {
             None => Some("there is no GPS time in this data".to_owned()),
             Some(times) => (times.from >= times.to).then(|| format!("GPS time is {} everywhere", times.from)),
         },
@@ -394,10 +363,23 @@ fn constant(mode: ColorMode, sample: &AttributeSummary) -> Option<String> {
     }
 }
 
+/// Says so, in words, where lines cannot differ.
+fn only_line(mode: ColorMode, sample: &AttributeSummary) -> Option<String> {
+    match &sample.scales.lines[..] {
+        [id] if mode == ColorMode::LineDifference => {
+            Some(format!("all points that were seen are of one flight line (source id {id}), drawn grey"))
+        }
+        _ => None,
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use super::super::channel::TimeScale;
+    use super::super::record::Attributes;
     use super::super::summary::tests::{GRID, point, summary};
     use super::*;
+    use crate::coords::Height;
 
     #[test]
     fn thesis_ramp_is_the_published_formula() {
@@ -453,6 +435,93 @@ mod tests {
         assert_eq!((flat.range, flat.constant.is_some()), (None, true));
     }
 
+    /// What the same values come to by plain arithmetic.
+    fn shade_of(value: f64, (lo, hi): (f64, f64)) -> f32 {
+        Ramp::Grey.at((value - lo) / (hi - lo))[0] as f32
+    }
+
+    #[test]
+    fn ranges_beyond_what_codes_hold_are_what_legends_say() {
+        let times = TimeScale { from: 245_379.0, to: 245_386.0 };
+        let mut data = summary((0..=100).map(|k| point(k * 1024, 2, k as u16, [0; 3])));
+        data.scales.times = Some(times);
+        let (far, none) = (f64::from(f32::MAX), 0.0);
+        for (mode, range, values) in [
+            (ColorMode::Intensity, (-1000.0, 300.0), [none, 150.0, 300.0, 60_000.0]),
+            (ColorMode::Intensity, (-far, 300.0), [none, 150.0, 300.0, 60_000.0]),
+            (ColorMode::Intensity, (60_000.0, 1e6), [none, 60_000.0, 65_000.0, 65_535.0]),
+            (ColorMode::Intensity, (1e6, 2e6), [none, 1.0, 2.0, 65_535.0]),
+            (ColorMode::Intensity, (10.25, 10.75), [none, 10.0, 11.0, 12.0]),
+            (ColorMode::GpsTime, (200_000.0, 400_000.0), [245_379.0, 245_380.0, 245_385.0, 245_386.0]),
+            (ColorMode::GpsTime, (245_380.0, 1e9), [245_379.0, 245_380.0, 245_385.0, 245_386.0]),
+            (ColorMode::GpsTime, (245_380.0, 245_380.001), [245_379.0, 245_380.0, 245_385.0, 245_386.0]),
+            (ColorMode::HeightAboveGround, (-10.0, 10.0), [none, 5.0, 10.0, 20.0]),
+            (ColorMode::LineDifference, (-1.0, 0.5), [none, 0.25, 0.5, 2.0]),
+            (ColorMode::Density, (-3.0, 9.0), [0.5, 2.0, 9.0, 12.0]),
+            (ColorMode::ScanAngle, (-1000.0, 100.0), [-90.0, none, 90.0, 100.0]),
+            (ColorMode::Height, (-1e7, 100.0), [none, 50.0, 100.0, 200.0]),
+            (ColorMode::Height, (50.0, 1e8), [none, 50.0, 100.0, 2e6]),
+        ] {
+            let table =
+                ColorTable::new(mode, &data, &GRID, Some(Ramp::Grey), Some(ColorRange::of(range.0, range.1)));
+            let table = table.unwrap();
+            assert_eq!(table.range, Some(range));
+            for value in values {
+                let height = Height((value * 1024.0) as i32);
+                let (record, told) = match table.channel {
+                    None => (Record::pack(Attributes { height, ..point(0, 2, 0, [0; 3]) }), value),
+                    Some(channel) => {
+                        let code = channel.code(value);
+                        (Record::pack(point(0, 2, code, [0; 3])), channel.value(code).unwrap())
+                    }
+                };
+                let (got, want) = (table.color(record)[0], shade_of(told, range));
+                assert!((got - want).abs() < 2e-3, "{mode:?} {range:?}: {value} is {got}, not {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_no_value_is_grey_and_nothing_else() {
+        let mut data = summary((0..=100).map(|k| point(k * 1024, 2, k as u16, [0; 3])));
+        data.scales.times = Some(TimeScale { from: 0.0, to: 65_532.0 });
+        // As narrow as a code, and narrower.
+        for width in [0.25, 1.0, 100.0, 60_000.0] {
+            let range = Some(ColorRange::of(1000.0, 1000.0 + width));
+            let table = ColorTable::new(ColorMode::GpsTime, &data, &GRID, Some(Ramp::Magma), range).unwrap();
+            let byte = |t: f64| Ramp::Magma.at(t).map(|v| (v * 255.0).round() as u8);
+            let channel = table.channel.unwrap();
+            let of = |time: f64| table.of_channel(channel.code(time));
+            assert_eq!([of(1000.0), of(-5.0), of(3.0)], [byte(0.0); 3], "{width}");
+            assert_eq!([of(1000.0 + width.ceil()), of(1e9)], [byte(1.0); 2], "{width}");
+            assert_eq!(of(f64::NAN), [166; 3]);
+        }
+        for mode in [ColorMode::HeightAboveGround, ColorMode::Density, ColorMode::LineDifference] {
+            let table = ColorTable::new(mode, &data, &GRID, None, None).unwrap();
+            assert_eq!(table.of_channel(0), [166; 3]);
+            assert!(table.knows_none() && table.of_channel(1) != [166; 3]);
+        }
+    }
+
+    #[test]
+    fn what_the_sample_has_not_seen_is_said_to_be_nothing() {
+        // One value, but of other points than are shown.
+        let mut data = summary((0..50).map(|_| point(1024, 6, 100, [9; 3])));
+        data.is_of_shown = false;
+        for mode in [ColorMode::Rgb, ColorMode::Height, ColorMode::Class, ColorMode::Intensity] {
+            let table = ColorTable::new(mode, &data, &GRID, None, None).unwrap();
+            assert_eq!(table.constant, None, "{mode:?}");
+            assert!(table.scale.is_finite() && table.offset.is_finite(), "{table:?}");
+        }
+        data.is_of_shown = true;
+        data.scales.lines = vec![17];
+        let words = |range| {
+            ColorTable::new(ColorMode::LineDifference, &data, &GRID, None, range).unwrap().constant.unwrap()
+        };
+        let one = "all points that were seen are of one flight line (source id 17), drawn grey";
+        assert_eq!([words(None), words(Some(ColorRange::of(0.0, 1.0)))], [one; 2]);
+    }
+
     #[test]
     fn constant_fields_are_named_and_drawn_as_what_they_are() {
         let grey = [0.65; 3].map(|v: f64| v as f32);
@@ -463,15 +532,11 @@ mod tests {
         for (mode, words, color) in [
             (ColorMode::Rgb, "colour is 255,128,0 everywhere, drawn in that colour", byte(rgb)),
             (ColorMode::Height, "height is 1 everywhere, drawn grey", grey),
-            (
-                ColorMode::Class,
-                "class is 6 (building) everywhere, drawn in that colour",
-                byte(class_color(6)),
-            ),
+            (ColorMode::Class, "class is 6 (building) everywhere, drawn in its colour", byte(class_color(6))),
             (ColorMode::Intensity, "intensity is 9 everywhere, drawn grey", grey),
             (
                 ColorMode::Return,
-                "return is single everywhere, drawn in that colour",
+                "return is single everywhere, drawn in its colour",
                 byte(ReturnKind::Single.color()),
             ),
         ] {

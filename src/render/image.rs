@@ -198,8 +198,9 @@ impl Image {
     }
 
     /// Writes channels `R G B A distance height` (f32) and `class origin` (UINT), losslessly packed; where colours are by what
-    /// records hold in their channel, that, too: `intensity` or `source_id` (UINT), `scan_angle` (f32, degrees) or `gps_time`
-    /// (f32, seconds since the attribute `gpsTimeFrom`).
+    /// records hold in their channel, that, too: `intensity` or `source_id` (UINT), `scan_angle` (f32, degrees), `gps_time`
+    /// (f32, seconds since the attribute `gpsTimeFrom`), `height_above_ground` or `line_difference` (f32, CRS units) or `density`
+    /// (f32, points in a square unit); of f32 NaN where there is no value.
     pub fn write_exr(&self, output: Output, notes: &[Note]) -> Result<(), ImageError> {
         self.check(output.path())?;
         let color = |k: usize| FlatSamples::F32(self.color.iter().map(|c| c[k]).collect());

@@ -705,8 +705,7 @@ impl Scene {
                 pyramid,
                 base: Height(version.layout.code.base),
                 form: version.layout.derived().form(),
-                floats: self
-                    .may_float(version)
+                floats: Self::may_float(version)
                     .then(|| self.grid.stacking(key.section.level).word_step_log2()),
                 corners: version.layout.corners(),
                 joins: version.layout.joins(),
@@ -718,9 +717,9 @@ impl Scene {
         entries
     }
 
-    /// Whether anything of a section may float under the mask.
-    fn may_float(&self, version: &Version) -> bool {
-        let may = |&(kind, _): &(Kind, Height)| !is_always_solid(kind.0) && self.visibility.shows(kind);
+    /// Whether anything of a section may float under the mask that it shows, which is another while classes are switched.
+    fn may_float(version: &Version) -> bool {
+        let may = |&(kind, _): &(Kind, Height)| !is_always_solid(kind.0) && version.shown.shows(kind);
         version.layout.floats.is_some_and(|floats| floats.spans > 0) && version.highest_of.iter().any(may)
     }
 

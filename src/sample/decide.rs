@@ -13,7 +13,7 @@ use super::seen::{Asked, Seen, hidden_by_default, unpack};
 use super::shapes::{Shape, Shapes};
 use super::summary::{Shown, counts, summarise, times};
 use super::weighted::Weighted;
-use crate::attribute::{AttributeSummary, Kind, Kinds, Spread};
+use crate::attribute::{AttributeSummary, ColorMode, Kind, Kinds, Scales, Spread};
 use crate::coords::{Bounds, Hull, LowSurface};
 use crate::source::known::Told;
 use crate::source::placement::{PlacementOptions, World};
@@ -97,6 +97,8 @@ pub struct Sample {
     /// Of the points that were asked for (where there are none of them, of those shown by default, or of all); counts are
     /// estimates unless `whole`.
     pub attributes: AttributeSummary,
+    /// What colours show where nothing is asked for: it follows from all points that are shown by default.
+    pub color: ColorMode,
     /// Points of each class that take part, hidden ones included; estimates unless `counted`.
     pub classes: Box<[u64; 256]>,
     /// Kinds of points that take part and were seen, hidden ones included.
@@ -190,6 +192,28 @@ fn above(
     Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
 }
 
+/// What codes mean, and what colours show where nothing is asked for: by all points that count. `density`: theirs, where it
+/// is known better than by the area that files cover; `whole`: every point was seen.
+fn by_all(
+    sample: &Weighted,
+    (points, all): (&[Shown], &AttributeSummary),
+    bounds: &[Option<Bounds>],
+    world: &World,
+    (density, whole): (Option<f64>, bool),
+) -> (Scales, ColorMode) {
+    let metre = world.unit.as_ref().map_or(1.0, |unit| unit.si.recip());
+    let all_times = sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight));
+    let area = || frame::covered_area(&bounds.iter().flatten().copied().collect::<Vec<_>>());
+    let scales = Scales {
+        metre,
+        times: times(all_times, whole),
+        reach: Scales::reach_of(points.iter().map(|point| point.u), &all.height, metre),
+        lines: all.source_ids.iter().map(|(id, _)| *id).collect(),
+        density: density.unwrap_or_else(|| all.points as f64 / area()),
+    };
+    (scales, ColorMode::auto(all))
+}
+
 /// Takes the opening sample of `files` (sorted by path) and decides; `asked`: what is to be shown at first.
 pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget: &SampleBudget) -> Sample {
     let mut problems = Vec::new();
@@ -246,7 +270,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         false => (shapes.of_shown(&usual, &shown), of_all),
     };
     let Tally { kinds, classes, selected } = Tally::of(&sample);
-    let shown_points = shown_points(&sample, framed, &rgb, shown);
+    let of_shown = shown_points(&sample, framed, &rgb, shown);
     let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
     let ground = ground::Ground {
         selection,
@@ -262,7 +286,16 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let patches = ground::patches(&places, &seen, &ground);
     let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
     let cell = cell::choose(&patches, finest.fold(f64::INFINITY, f64::min));
-    let above = shape.as_ref().map_or(Spread::default(), |(_, low)| above(low, &sample, framed, shown));
+    // Roofs alone are no ground: that is below all.
+    let low = shape_of_all.as_ref().or(shape.as_ref()).map(|(_, low)| low);
+    let above = low.map_or(Spread::default(), |low| above(low, &sample, framed, shown));
+    let has_rgb = drawn.iter().any(|&index| rgb::has_rgb(&files[index].file));
+    let attributes = summarise(&of_shown, has_rgb);
+    let others = (!is_usual).then(|| shown_points(&sample, framed, &rgb, usual));
+    let of_others = others.as_ref().map(|others| summarise(others, has_rgb));
+    let all = (others.as_ref().unwrap_or(&of_shown).as_slice(), of_others.as_ref().unwrap_or(&attributes));
+    let known = (is_usual.then_some(cell.density), whole);
+    let (scales, color) = by_all(&sample, all, &bounds, &world, known);
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,
@@ -271,16 +304,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         counted: whole && sampled == points,
         whole,
         cell,
-        attributes: AttributeSummary {
-            above,
-            density: cell.density,
-            metre: world.unit.as_ref().map_or(1.0, |unit| unit.si.recip()),
-            times: times(
-                sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight)),
-                whole,
-            ),
-            ..summarise(&shown_points, drawn.iter().any(|&index| rgb::has_rgb(&files[index].file)))
-        },
+        attributes: AttributeSummary { above, scales, is_of_shown: is_there, ..attributes },
+        color,
         classes: counts(&classes),
         kinds,
         bounds: frame,

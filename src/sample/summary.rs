@@ -1,10 +1,10 @@
 //! What colours are chosen by: the attributes of the points that are asked for.
 
 use super::seen::Seen;
-use crate::attribute::{AttributeSummary, Spread, TimeScale};
+use crate::attribute::{AttributeSummary, Scales, Spread, TimeScale};
 use std::collections::BTreeMap;
 
-/// A point that is shown by default, and how many it stands for.
+/// A point that is summarised, and how many it stands for.
 pub(super) struct Shown<'a> {
     pub seen: &'a Seen,
     pub weight: f64,
@@ -29,16 +29,14 @@ pub(super) fn summarise(shown: &[Shown], has_rgb: bool) -> AttributeSummary {
     let first = shown.first().map_or([0; 3], |point| point.rgb);
     AttributeSummary {
         points: total(&|_| true),
+        is_of_shown: true,
         height: Spread::of(shown.iter().map(|point| (point.u, point.weight))),
         intensity: Spread::of(shown.iter().map(|point| (f64::from(point.seen.intensity), point.weight))),
         source_ids: source_ids.into_iter().map(|(id, weight)| (id, (weight.round() as u64).max(1))).collect(),
         scan_angle: Spread::of(shown.iter().map(angle)),
         above: Spread::default(),
-        density: 0.0,
-        metre: 1.0,
         time: Spread::of(shown.iter().map(|point| (point.seen.gps_time, point.weight))),
-        times: None,
-        is_timed: shown.iter().all(|point| point.seen.gps_time.is_finite()),
+        scales: Scales::default(),
         classes: counts(&classes),
         returns: counts(&returns),
         has_rgb,
@@ -60,6 +58,6 @@ pub(super) fn times(values: impl Iterator<Item = (f64, f64)>, is_whole: bool) ->
     values.peek()?;
     let Spread { min, max, .. } = Spread::of(values);
     // What was not seen reaches a little beyond.
-    let beyond = if is_whole { 0.0 } else { (max - min) / 64.0 };
+    let beyond = if is_whole { 0.0 } else { (max - min) / 16.0 };
     Some(TimeScale { from: min - beyond, to: max + beyond })
 }

@@ -280,27 +280,40 @@ impl Columns {
         }
         // Further kinds of a column hang in a chain; columns rarely hold more than three.
         let count = &mut counts[at];
-        let mut index = if *count == 0 { 0 } else { heads[at] as usize };
-        while index != 0 {
-            let other = &mut self.others[index];
-            if joins(other.record, record) {
-                if STACKS {
-                    let of_other = &mut self.stacks.as_mut().expect("these are stacks").lows[index];
-                    *of_other = low.min(*of_other);
-                    if record > *first {
-                        std::mem::swap(&mut lows[at], of_other);
-                    }
+        let is_long = STACKS && *count >= stacks::LONG;
+        let index = match (is_long, *count) {
+            (true, _) => self.stacks.as_ref().expect("these are stacks").find(column, record) as usize,
+            (false, 0) => 0,
+            (false, _) => {
+                let mut index = heads[at] as usize;
+                while index != 0 && !joins(self.others[index].record, record) {
+                    index = self.others[index].next as usize;
                 }
-                if record > other.record {
-                    other.record = record;
-                    if record > *first {
-                        std::mem::swap(first, &mut other.record);
-                    }
-                    self.highest.see(record);
-                }
-                return;
+                index
             }
-            index = other.next as usize;
+        };
+        if index != 0 {
+            let other = &mut self.others[index];
+            let is_first = record > *first;
+            if STACKS {
+                let of_other = &mut self.stacks.as_mut().expect("these are stacks").lows[index];
+                *of_other = low.min(*of_other);
+                if is_first {
+                    std::mem::swap(&mut lows[at], of_other);
+                }
+            }
+            if record > other.record {
+                other.record = record;
+                if is_first {
+                    std::mem::swap(first, &mut other.record);
+                    if is_long {
+                        let stacks = self.stacks.as_mut().expect("these are stacks");
+                        stacks.swapped(column, *first, other.record, index as u32);
+                    }
+                }
+                self.highest.see(record);
+            }
+            return;
         }
         self.highest.see(record);
         let is_highest = record > *first;
@@ -317,6 +330,16 @@ impl Columns {
             let stacks = self.stacks.as_mut().expect("these are stacks");
             stacks.lows.push(lower_low);
             stacks.begin(column, record);
+            if is_long {
+                stacks.note(column, lower, heads[at]);
+            } else if *count == stacks::LONG {
+                let mut index = heads[at];
+                while index != 0 {
+                    let Other { record, next } = self.others[index as usize];
+                    stacks.note(column, record, index);
+                    index = next;
+                }
+            }
         }
         if !self.chained.has(block) {
             let touched = |blocks: &Blocks| {

@@ -3,10 +3,10 @@
 //! Where classes tell what is ground (ground, water, rails, roads), it is the highest such record of each column, and
 //! between those what push-pull fills in (Gortler et al. 1996, section 3.4.2). Elsewhere it is a low surface: nodes as wide
 //! as what may stand on the ground, each the low of what its columns rise above the surface of nodes twice as wide, so that slopes
-//! are slopes and no steps.
+//! are slopes and no steps. Roofs, and what lies on them, are no part of that: where there is nothing else, the ground is not known.
 
 use super::layout::column_at;
-use crate::attribute::Record;
+use crate::attribute::{Record, is_always_solid};
 use crate::coords::{SECTION_COLUMNS, SECTION_SIDE};
 use crate::source::FLAG_WITHHELD;
 
@@ -16,29 +16,64 @@ const SIDE: usize = SECTION_SIDE as usize;
 const GROUND: [u8; 5] = [2, 9, 10, 11, 41];
 /// Columns with ground from which on classes are taken to tell it.
 const ENOUGH: usize = 32;
-/// Share of a node's columns that are below its low.
+/// Share of a node's columns that are below its low; where fewer of them are no roofs, it has none.
 const LOW: f64 = 0.05;
 /// Columns of a node that say anything of it.
 const FEW: usize = 4;
 /// Most nodes on a side.
 const MOST_NODES: usize = 32;
 
-/// Lowest point of each column; none: `i32::MAX`.
-pub(super) struct Lowest(Vec<i32>);
+/// Lowest points of each column; none: `i32::MAX`.
+pub(super) struct Lowest {
+    /// Of roofs: what is as solid as the ground, and is none.
+    roofs: Vec<i32>,
+    /// Of all else.
+    others: Vec<i32>,
+}
+
+/// What a column says of the ground.
+#[derive(Clone, Copy, PartialEq)]
+enum Low {
+    Nothing,
+    /// It is roofs, and what lies on them.
+    Roof,
+    At(i32),
+}
 
 impl Lowest {
     pub(super) fn none() -> Lowest {
-        Lowest(vec![i32::MAX; SECTION_COLUMNS])
+        Lowest { roofs: vec![i32::MAX; SECTION_COLUMNS], others: vec![i32::MAX; SECTION_COLUMNS] }
+    }
+
+    /// Bytes held.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&self.roofs[..]) + size_of_val(&self.others[..])
     }
 
     #[inline]
-    pub(super) fn see(&mut self, column: u16, height: i32) {
-        let lowest = &mut self.0[usize::from(column)];
-        *lowest = (*lowest).min(height);
+    pub(super) fn see(&mut self, column: u16, height: i32, class: u8) {
+        let is_roof = is_always_solid(class) && !GROUND.contains(&class);
+        let lows = if is_roof { &mut self.roofs } else { &mut self.others };
+        let lowest = &mut lows[usize::from(column)];
+        *lowest = height.min(*lowest);
     }
 
-    pub(super) fn of_column(&self, column: u16) -> i32 {
-        self.0[usize::from(column)]
+    /// Puts them into those of the section around; `of_parent`: its column that a column lies in.
+    pub(super) fn coarsen_into(&self, coarse: &mut Lowest, of_parent: impl Fn(u16) -> u16) {
+        for (fine, coarse) in [(&self.roofs, &mut coarse.roofs), (&self.others, &mut coarse.others)] {
+            for (column, low) in fine.iter().enumerate() {
+                let lowest = &mut coarse[usize::from(of_parent(column as u16))];
+                *lowest = (*low).min(*lowest);
+            }
+        }
+    }
+
+    fn of_column(&self, column: u16) -> Low {
+        match (self.others[usize::from(column)], self.roofs[usize::from(column)]) {
+            (i32::MAX, i32::MAX) => Low::Nothing,
+            (other, roof) if other < roof => Low::At(other),
+            _ => Low::Roof,
+        }
     }
 }
 
@@ -55,7 +90,11 @@ pub(super) fn of(lowest: &Lowest, reach: f64, records: impl FnOnce(&mut dyn FnMu
             *ground = ground.max(height.0.into());
         }
     });
-    let ground = if columns >= ENOUGH { filled(known) } else { low_surface(lowest, reach) };
+    let ground = match columns {
+        ENOUGH.. => filled(known),
+        // A little ground says more than none.
+        _ => low_surface(lowest, reach).unwrap_or_else(|| filled(known)),
+    };
     (0..SECTION_COLUMNS).map(|column| ground[row_by_row(column as u16)]).collect()
 }
 
@@ -113,13 +152,16 @@ fn filled(values: Vec<f64>) -> Vec<f64> {
     coarse
 }
 
-/// The low surface of the lowest points.
-fn low_surface(lowest: &Lowest, reach: f64) -> Vec<f64> {
+/// The low surface of the lowest points; `None`: too few of them are no roofs.
+fn low_surface(lowest: &Lowest, reach: f64) -> Option<Vec<f64>> {
     let mut heights = vec![f64::NAN; SECTION_COLUMNS];
+    let mut roofs = vec![false; SECTION_COLUMNS];
     for column in 0..SECTION_COLUMNS {
-        let low = lowest.of_column(column as u16);
-        if low != i32::MAX {
-            heights[row_by_row(column as u16)] = low.into();
+        let at = row_by_row(column as u16);
+        match lowest.of_column(column as u16) {
+            Low::Nothing => {}
+            Low::Roof => roofs[at] = true,
+            Low::At(low) => heights[at] = low.into(),
         }
     }
     // Where a section is covered in part, nodes without columns have its slope.
@@ -127,9 +169,9 @@ fn low_surface(lowest: &Lowest, reach: f64) -> Vec<f64> {
     let mut nodes = 1;
     loop {
         let width = SIDE / nodes;
-        let mut lows = lows(&heights, &surface, nodes);
+        let mut lows = lows((&heights, &roofs), &surface, nodes);
         if lows.iter().all(|low| low.is_nan()) {
-            return vec![f64::NAN; SECTION_COLUMNS];
+            return None;
         }
         fill_around(&mut lows, nodes);
         for (k, height) in surface.iter_mut().enumerate() {
@@ -150,7 +192,7 @@ fn low_surface(lowest: &Lowest, reach: f64) -> Vec<f64> {
         slope(y * SIDE + west, y * SIDE + east, east - west)
             + slope(south * SIDE + x, north * SIDE + x, north - south)
     };
-    (0..SECTION_COLUMNS).map(|k| surface[k] + rise(k)).collect()
+    Some((0..SECTION_COLUMNS).map(|k| surface[k] + rise(k)).collect())
 }
 
 /// The plane that fits heights best, row by row; flat where they lie in a line.
@@ -174,15 +216,16 @@ fn plane(heights: &[f64]) -> Vec<f64> {
     (0..SECTION_COLUMNS).map(|k| z0 + slope.0 * (place(k).0 - x0) + slope.1 * (place(k).1 - y0)).collect()
 }
 
-/// The low of each node's columns above `surface`; NaN where there are few.
-fn lows(heights: &[f64], surface: &[f64], nodes: usize) -> Vec<f64> {
+/// The low of each node's columns above `surface`; NaN where there are few, or hardly any beside those of roofs.
+fn lows((heights, roofs): (&[f64], &[bool]), surface: &[f64], nodes: usize) -> Vec<f64> {
     let width = SIDE / nodes;
     let low = |node: usize| {
         let (west, south) = (node % nodes * width, node / nodes * width);
-        let places = (0..width * width).map(|k| (south + k / width) * SIDE + west + k % width);
+        let places = || (0..width * width).map(|k| (south + k / width) * SIDE + west + k % width);
         let mut above: Vec<f64> =
-            places.map(|at| heights[at] - surface[at]).filter(|above| !above.is_nan()).collect();
-        if above.len() < FEW.min(width * width) {
+            places().map(|at| heights[at] - surface[at]).filter(|above| !above.is_nan()).collect();
+        let all = above.len() + places().filter(|at| roofs[*at]).count();
+        if above.len() < FEW.min(width * width) || (above.len() as f64) < LOW * all as f64 {
             return f64::NAN;
         }
         let at = (LOW * (above.len() - 1) as f64).round() as usize;

@@ -11,6 +11,8 @@ use crate::attribute::{AboveScale, Channel, ClassMask, Record, Steps};
 use crate::coords::{Grid, Height, SECTION_COLUMNS, SECTION_SIDE};
 use crate::shared::payload::RUN_INTENSITY_SHIFT;
 use crate::source::FLAG_WITHHELD;
+use foldhash::fast::FixedState;
+use std::collections::HashMap;
 
 /// Columns on the sides of the squares that points are counted in, and differences of lines are told of.
 pub const SQUARE: u32 = 1 << SQUARE_LOG2;
@@ -21,7 +23,8 @@ const SQUARES: usize = (SECTION_SIDE >> SQUARE_LOG2) as usize;
 /// What is measured, and what its codes are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Measure {
-    /// How far a record is above the ground below it, see `section::ground`; below it: 0.
+    /// How far a record is above the ground below it, see `section::ground`, one more; below it: 1; where nothing is known of
+    /// the ground: 0.
     AboveGround {
         /// Codes that a step of the lattice is.
         codes_a_step: f64,
@@ -98,55 +101,62 @@ fn square_of(column: u16) -> usize {
     (y >> SQUARE_LOG2) as usize * SQUARES + (x >> SQUARE_LOG2) as usize
 }
 
-/// The lowest point of a line in a column.
-#[derive(Clone, Copy)]
-struct LineLow {
-    line: u16,
-    low: i32,
-    /// Index of the column's next; 0 ends the chain.
-    next: u32,
-}
-
 /// The lowest points of each line in each column.
 pub(super) struct Lines {
-    /// Of each column the first of its chain; 0: none.
-    heads: Vec<u32>,
-    /// The first is none.
-    lows: Vec<LineLow>,
+    /// Of each column a line that has seen it, [`NO_LINE`] for none, and its lowest point: most columns have but one.
+    firsts: Vec<(u32, i32)>,
+    /// Of the others, by `line << 16 | column`.
+    others: HashMap<u32, i32, FixedState>,
 }
+
+/// More than any id.
+const NO_LINE: u32 = u32::MAX;
 
 impl Lines {
     fn none() -> Lines {
-        Lines { heads: vec![0; SECTION_COLUMNS], lows: vec![LineLow { line: 0, low: 0, next: 0 }] }
+        Lines { firsts: vec![(NO_LINE, 0); SECTION_COLUMNS], others: HashMap::default() }
     }
 
     #[inline]
     fn see(&mut self, column: u16, line: u16, low: i32) {
-        let head = &mut self.heads[usize::from(column)];
-        let mut index = *head;
-        while index != 0 {
-            let of = &mut self.lows[index as usize];
-            if of.line == line {
-                of.low = of.low.min(low);
-                return;
-            }
-            index = of.next;
+        let (first, lowest) = &mut self.firsts[usize::from(column)];
+        if *first == u32::from(line) {
+            *lowest = low.min(*lowest);
+        } else if *first == NO_LINE {
+            (*first, *lowest) = (line.into(), low);
+        } else {
+            let key = u32::from(line) << 16 | u32::from(column);
+            let lowest = self.others.entry(key).or_insert(low);
+            *lowest = low.min(*lowest);
         }
-        let next = std::mem::replace(head, self.lows.len() as u32);
-        self.lows.push(LineLow { line, low, next });
     }
 
-    fn of_column(&self, column: u16) -> impl Iterator<Item = LineLow> {
-        let at = |index: u32| (index != 0).then(|| self.lows[index as usize]);
-        std::iter::successors(at(self.heads[usize::from(column)]), move |low| at(low.next))
+    /// Bytes held: a byte beside each entry of the map tells whether there is one.
+    fn bytes(&self) -> usize {
+        size_of_val(&self.firsts[..]) + self.others.capacity() * (2 * size_of::<u32>() + 1)
     }
 
-    /// From the lowest to the highest of a column that several lines have seen, steps.
-    fn difference(&self, column: u16) -> Option<u32> {
-        let (low, high, lines) = self
-            .of_column(column)
-            .fold((i32::MAX, i32::MIN, 0), |(low, high, n), of| (low.min(of.low), high.max(of.low), n + 1));
-        (lines > 1).then(|| high.abs_diff(low))
+    /// Each line's lowest point in each column that it has seen, in any order.
+    fn each(&self) -> impl Iterator<Item = (u16, u16, i32)> {
+        let firsts = self.firsts.iter().enumerate().filter(|(_, (line, _))| *line != NO_LINE);
+        let firsts = firsts.map(|(column, &(line, low))| (column as u16, line as u16, low));
+        firsts.chain(self.others.iter().map(|(&key, &low)| (key as u16, (key >> 16) as u16, low)))
+    }
+
+    /// Of each square the differences of those columns that several lines have seen, steps: from the lowest of their lowest
+    /// points to the highest.
+    fn differences(&self) -> Vec<Vec<u32>> {
+        let mut columns = vec![(i32::MAX, i32::MIN, 0u32); SECTION_COLUMNS];
+        for (column, _, of) in self.each() {
+            let (low, high, lines) = &mut columns[usize::from(column)];
+            (*low, *high, *lines) = (of.min(*low), of.max(*high), *lines + 1);
+        }
+        let mut differences = vec![Vec::new(); SQUARES * SQUARES];
+        for (column, (low, high, _)) in columns.into_iter().enumerate().filter(|(_, (.., lines))| *lines > 1)
+        {
+            differences[square_of(column as u16)].push(high.abs_diff(low));
+        }
+        differences
     }
 }
 
@@ -154,7 +164,7 @@ impl Lines {
 pub(super) enum Gathered {
     Lowest(Lowest),
     /// Points of each square.
-    Counts(Vec<u32>),
+    Counts(Vec<u64>),
     Lines(Lines),
 }
 
@@ -177,9 +187,9 @@ impl Measuring {
     /// Bytes held.
     pub(super) fn bytes(&self) -> usize {
         match &self.gathered {
-            Gathered::Lowest(_) => SECTION_COLUMNS * size_of::<i32>(),
+            Gathered::Lowest(lowest) => lowest.bytes(),
             Gathered::Counts(counts) => size_of_val(&counts[..]),
-            Gathered::Lines(lines) => size_of_val(&lines.heads[..]) + size_of_val(&lines.lows[..]),
+            Gathered::Lines(lines) => lines.bytes(),
         }
     }
 
@@ -190,7 +200,7 @@ impl Measuring {
             return;
         }
         match &mut self.gathered {
-            Gathered::Lowest(lowest) => lowest.see(column, height.0),
+            Gathered::Lowest(lowest) => lowest.see(column, height.0, record.class()),
             Gathered::Counts(counts) => counts[square_of(column)] += 1,
             Gathered::Lines(lines) => lines.see(column, code_of(record), height.0),
         }
@@ -199,10 +209,9 @@ impl Measuring {
     /// Puts what was gathered into that of the section around, of cells twice as wide; `of_parent`: its column that a
     /// column lies in.
     pub(super) fn coarsen_into(&self, parent: &mut Measuring, of_parent: impl Fn(u16) -> u16) {
-        let columns = || (0..SECTION_COLUMNS).map(|column| column as u16);
         match (&self.gathered, &mut parent.gathered) {
             (Gathered::Lowest(fine), Gathered::Lowest(coarse)) => {
-                columns().for_each(|column| coarse.see(of_parent(column), fine.of_column(column)));
+                fine.coarsen_into(coarse, of_parent);
             }
             (Gathered::Counts(fine), Gathered::Counts(coarse)) => {
                 for (square, count) in fine.iter().enumerate() {
@@ -211,9 +220,7 @@ impl Measuring {
                 }
             }
             (Gathered::Lines(fine), Gathered::Lines(coarse)) => {
-                for column in columns() {
-                    fine.of_column(column).for_each(|of| coarse.see(of_parent(column), of.line, of.low));
-                }
+                fine.each().for_each(|(column, line, low)| coarse.see(of_parent(column), line, low));
             }
             _ => panic!("measures do not mix"),
         }
@@ -226,29 +233,29 @@ impl Measuring {
                 Codes::Above { ground: ground::of(lowest, reach, records), codes_a_step }
             }
             (Measure::Density { codes_a_point }, Gathered::Counts(counts)) => {
-                let code = |&n: &u32| match n {
+                let code = |&n: &u64| match n {
                     0 => 0,
                     _ if codes_a_point == 0.0 => 0,
-                    n => (f64::from(n) * codes_a_point).round().clamp(1.0, f64::from(u16::MAX)) as u16,
+                    n => (n as f64 * codes_a_point).round().clamp(1.0, f64::from(u16::MAX)) as u16,
                 };
                 Codes::OfSquares(counts.iter().map(code).collect())
             }
             (Measure::LineDifference { codes_a_step }, Gathered::Lines(lines)) => {
-                let code = |square: usize| {
-                    let [x, y] = [square % SQUARES, square / SQUARES].map(|at| (at as u32) << SQUARE_LOG2);
-                    let places = (0..SQUARE * SQUARE).map(|k| column_index(x + k % SQUARE, y + k / SQUARE));
-                    let mut differences: Vec<u32> =
-                        places.filter_map(|column| lines.difference(column)).collect();
+                let code = |mut differences: Vec<u32>| {
                     let middle = differences.len().checked_sub(1)? / 2;
                     let (_, middle, _) = differences.select_nth_unstable(middle);
-                    let codes = (f64::from(*middle) * codes_a_step).round().min(f64::from(u16::MAX) - 1.0);
-                    Some(codes as u16 + 1)
+                    Some(one_more(f64::from(*middle) * codes_a_step))
                 };
-                Codes::OfSquares((0..SQUARES * SQUARES).map(|square| code(square).unwrap_or(0)).collect())
+                Codes::OfSquares(lines.differences().into_iter().map(|of| code(of).unwrap_or(0)).collect())
             }
             _ => unreachable!("a measure gathers what it needs"),
         }
     }
+}
+
+/// The code of a length of so many: 0 is none.
+fn one_more(codes: f64) -> u16 {
+    codes.round().clamp(0.0, f64::from(u16::MAX) - 1.0) as u16 + 1
 }
 
 /// What a measure comes to.
@@ -264,10 +271,9 @@ impl Codes {
     pub(super) fn of(&self, column: u16, record: Record) -> u16 {
         match self {
             Codes::Above { ground, codes_a_step } => {
-                // Where nothing is known of the ground it is NaN, which is 0 here.
                 let height = f64::from(record.height().map_or(0, |height| height.0));
                 let steps = height - ground[usize::from(column)];
-                (steps * codes_a_step).round().clamp(0.0, f64::from(u16::MAX)) as u16
+                if steps.is_nan() { 0 } else { one_more(steps * codes_a_step) }
             }
             Codes::OfSquares(codes) => codes[square_of(column)],
         }
@@ -442,7 +448,7 @@ mod tests {
             for (ground, other, tolerance) in [(2, 5, 60.0), (1, 1, 400.0)] {
                 for ([x, y], height, code) in codes(above, &land(ground, other, slope)) {
                     let of_ground = (slope[0] * f64::from(x) + slope[1] * f64::from(y)) as i32;
-                    let (stands, told) = (height - of_ground, f64::from(code) * 16.0);
+                    let (stands, told) = (height - of_ground, (f64::from(code) - 1.0) * 16.0);
                     let most = if stands > 0 {
                         tolerance + 1.5 * (slope[0].abs() + slope[1].abs())
                     } else {
@@ -458,17 +464,62 @@ mod tests {
     }
 
     #[test]
-    fn below_the_ground_and_without_any_it_is_0() {
+    fn below_the_ground_it_is_0_and_without_any_unknown() {
         let above = Measure::AboveGround { codes_a_step: 1.0, reach: 30.0 };
-        // All of it is a roof: nothing lower is known.
-        let roof: Vec<Point> =
-            (0..64).flat_map(|x| (0..64).map(move |y| point(x, y, 5_000, 6, 1, 0))).collect();
-        assert!(codes(above, &roof).iter().all(|(.., code)| *code == 0));
-        let mut pit: Vec<Point> =
-            (0..64).flat_map(|x| (0..64).map(move |y| point(x, y, 5_000, 2, 1, 0))).collect();
+        let square = |height: i32, class: u8| {
+            (0..64u32).flat_map(move |x| (0..64u32).map(move |y| point(x, y, height, class, 1, 0)))
+        };
+        let mut pit: Vec<Point> = square(5_000, 2).collect();
         pit.push(point(70, 70, -900, 1, 1, 0));
-        assert!(codes(above, &pit).iter().all(|(.., code)| *code == 0));
+        assert!(codes(above, &pit).iter().all(|(.., code)| *code == 1));
         // Noise alone says nothing of the ground.
         assert_eq!(codes(above, &[point(3, 3, 700, 7, 1, 0)])[0].2, 0);
+        // Nor does a roof, or what lies on it: in its columns, and in some of their own.
+        let mut roof: Vec<Point> = square(5_000, 6).collect();
+        let on_it = |points: &[Point]| codes(above, points).into_iter().all(|(.., code)| code == 0);
+        assert!(on_it(&roof));
+        roof.extend((0..500).map(|k| point(k % 64, k / 64, 5_400, 1, 1, 0)));
+        roof.extend((0..100).map(|k| point(100 + k % 10, 100 + k / 10, 5_300, 1, 1, 0)));
+        assert!(on_it(&roof));
+        // A little ground beside it does, classified or not; then what lies on it alone would be as good.
+        for (class, width) in [(2, 1), (2, 7), (1, 24)] {
+            let mut beside = roof.clone();
+            beside.retain(|([x, _], _)| *x < 64 || class == 2);
+            beside.extend((0..width * 10).map(|k| point(200 + k % 10, 200 + k / 10, 1_000, class, 1, 0)));
+            for ([x, _], height, code) in codes(above, &beside).into_iter().filter(|([x, _], ..)| *x < 64) {
+                assert_eq!(i32::from(code) - 1, height - 1_000, "{x}: class {class}, {width}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_hall_stands_on_the_ground_around_it() {
+        let above = Measure::AboveGround { codes_a_step: 1.0, reach: 60.0 };
+        // All of the section but a strip of fewer columns than classes are taken to tell the ground by.
+        for (class, step) in [(2, 10), (2, 64)] {
+            let mut points = Vec::new();
+            for (x, y) in (0..256u32).flat_map(|x| (0..256u32).map(move |y| (x, y))) {
+                let is_land = x == 0 && y % step == 0;
+                let (height, class) = if is_land { (3_000, class) } else { (13_000, 6) };
+                points.push(point(x, y, height, class, 1, 0));
+            }
+            for ([x, y], height, code) in codes(above, &points) {
+                assert_eq!(i32::from(code) - 1, height - 3_000, "{x}, {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn many_lines_in_few_columns_are_gathered_quickly() {
+        let begun = std::time::Instant::now();
+        let mut lines = Lines::none();
+        for k in 0..1_000_000u32 {
+            let line = (k.wrapping_mul(2_654_435_761) >> 16) as u16;
+            lines.see((k % 9) as u16, line, -((k % 1000) as i32));
+        }
+        let differences = lines.differences();
+        // A chain of all lines a column took minutes.
+        assert!(begun.elapsed().as_secs() < 10, "{:?}", begun.elapsed());
+        assert!(differences[0].iter().all(|of| *of > 900) && !differences[0].is_empty());
     }
 }

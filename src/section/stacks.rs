@@ -10,9 +10,15 @@ use super::layout::{BLOCK_COLUMNS, Floats, MOST_OTHERS, SECTION_BLOCKS, column_a
 use crate::attribute::{Record, always_floats, is_always_solid};
 use crate::coords::{Height, SECTION_COLUMNS, SECTION_SIDE, Stacking};
 use crate::shared::passes::{HALF_BLOCK_EAST, HALF_BLOCK_NORTH};
+use foldhash::fast::FixedState;
+use std::collections::HashMap;
 
 /// Columns of a half block, the southern or northern rows of a block.
 const HALF_COLUMNS: usize = (HALF_BLOCK_EAST * HALF_BLOCK_NORTH) as usize;
+
+/// Further runs of a column from which on they are looked up, not walked through: hardly any data have so many.
+pub(super) const LONG: u8 = 32;
+const _: () = assert!(LONG < MOST_OTHERS);
 
 /// What stacks have besides columns.
 pub(super) struct Stacks {
@@ -23,6 +29,8 @@ pub(super) struct Stacks {
     loose: u32,
     /// Blocks that hold such, in their southern rows and in their northern.
     halves: [Blocks; 2],
+    /// Where in `Columns::others` the further runs of columns are that have [`LONG`] and more: by column and run.
+    index: HashMap<u64, u32, FixedState>,
 }
 
 /// Whether two records belong to the same run: same key, and, unless that never floats, same slice.
@@ -40,7 +48,8 @@ pub(super) fn low_of(stacking: Stacking, record: Record, lowest: Height) -> u16 
 
 impl Stacks {
     pub(super) fn new(stacking: Stacking) -> Stacks {
-        Stacks { stacking, lows: vec![0], loose: 0, halves: Default::default() }
+        let index = HashMap::default();
+        Stacks { stacking, lows: vec![0], loose: 0, halves: Default::default(), index }
     }
 
     #[inline]
@@ -57,9 +66,35 @@ impl Stacks {
         }
     }
 
+    /// The further run of a long column that a record belongs to; 0: none.
+    pub(super) fn find(&self, column: u16, record: Record) -> u32 {
+        self.index.get(&self.run_of(column, record)).copied().unwrap_or(0)
+    }
+
+    /// A further run of a long column is there.
+    pub(super) fn note(&mut self, column: u16, record: Record, index: u32) {
+        self.index.insert(self.run_of(column, record), index);
+    }
+
+    /// A further run of a long column has become the first, and the one that was has its place.
+    pub(super) fn swapped(&mut self, column: u16, first: Record, other: Record, index: u32) {
+        self.index.remove(&self.run_of(column, first));
+        self.note(column, other, index);
+    }
+
+    /// A column and a run of it: records of equal numbers are of the same run.
+    fn run_of(&self, column: u16, record: Record) -> u64 {
+        let [height, ..] = record.0;
+        let slice = if is_always_solid(record.class()) { 0 } else { height >> self.stacking.slice_log2 };
+        let (class, flags) = record.kind();
+        u64::from(column) << 48 | u64::from(class) << 40 | u64::from(flags.bits()) << 32 | u64::from(slice)
+    }
+
     /// Bytes held.
     pub(super) fn bytes(&self) -> usize {
-        size_of::<Stacks>() + (self.lows.len() - 1) * size_of::<u16>()
+        // Such a map is half full, and a byte beside each entry tells whether there is one.
+        let index = 2 * self.index.len() * (size_of::<(u64, u32)>() + 1);
+        size_of::<Stacks>() + (self.lows.len() - 1) * size_of::<u16>() + index
     }
 
     /// As much as any of its runs may be; more with every run, whatever came first.
@@ -225,15 +260,15 @@ impl Gathering {
 /// are one, which has the highest record, and how deep it reaches below that. Highest first, and no more than are uploaded: the highest, but
 /// of those below them the highest that is always solid, and the highest of which what is around tells, too.
 pub(super) fn join(stacking: Stacking, runs: &mut Vec<(Record, u16)>, spans: &mut Vec<(Record, u16)>) {
-    runs.sort_unstable_by(|(a, _), (b, _)| b.cmp(a));
+    // Key by key, so that what a run joins is the one before.
+    runs.sort_unstable_by(|(a, _), (b, _)| a.kind().cmp(&b.kind()).then(b.cmp(a)));
     spans.clear();
     let height = |record: Record| record.height().expect("runs are not empty");
     for &(record, low) in &*runs {
         let high = height(record);
         let lowest = if is_always_solid(record.class()) { high } else { stacking.low_height(high, low) };
         let lowest = i64::from(lowest.0);
-        if let Some((above, depth)) = spans.iter_mut().rev().find(|(above, _)| above.kind() == record.kind())
-        {
+        if let Some((above, depth)) = spans.last_mut().filter(|(above, _)| above.kind() == record.kind()) {
             let top = height(*above);
             let end = stacking.height_at_depth(top, *depth);
             if end - i64::from(high.0) <= i64::from(stacking.gap()) {
@@ -247,6 +282,7 @@ pub(super) fn join(stacking: Stacking, runs: &mut Vec<(Record, u16)>, spans: &mu
         }
         spans.push((record, stacking.depth_of(high, lowest)));
     }
+    spans.sort_unstable_by(|(a, _), (b, _)| b.cmp(a));
     let most = usize::from(MOST_OTHERS) + 1;
     if spans.len() > most {
         let dropped = spans.split_off(most);
@@ -697,6 +733,45 @@ mod tests {
                 (Just(stacking), points(slice_log2, 1000))
             },
         )
+    }
+
+    /// So many points of random heights and some keys in two columns.
+    fn in_two_columns(points: u32, classes: &[u8]) -> Vec<Point> {
+        let numbers =
+            (0..points).map(|k| k.wrapping_mul(2_654_435_761).rotate_left(7).wrapping_mul(0x85eb_ca6b));
+        let point = |number: u32| {
+            let class = classes[number as usize % classes.len()];
+            (number >> 9 & 1, 3, record(i64::from(number >> 3), class, (number >> 5 & 3) as u8))
+        };
+        numbers.map(point).collect()
+    }
+
+    #[test]
+    fn columns_of_many_runs_are_as_specified_in_any_order() {
+        for (stacking, points) in
+            [(stacking(7, 22), 3000), (stacking(7, 16), 700), (stacking(7, 9), 300), (stacking(7, 4), 80)]
+        {
+            let mut points = in_two_columns(points, &CLASSES);
+            check_packing(stacking, &points);
+            let packed = stacks_of(stacking, &points).pack().words;
+            for reverse in [false, true] {
+                points.sort_unstable_by(|(.., a), (.., b)| if reverse { b.cmp(a) } else { a.cmp(b) });
+                let one = stacks_of(stacking, &points);
+                assert!(one.pack().words == packed);
+                assert_eq!(one.bytes(), stacks_of(stacking, &points[..]).bytes());
+            }
+        }
+    }
+
+    #[test]
+    fn many_runs_in_a_column_are_gathered_quickly() {
+        let begun = std::time::Instant::now();
+        for classes in [&[1][..], &CLASSES] {
+            let stacks = stacks_of(stacking(7, 4), &in_two_columns(200_000, classes));
+            assert!(stacks.pack().words.len() > 500);
+        }
+        // Walking through all of them took minutes.
+        assert!(begun.elapsed().as_secs() < 10, "{:?}", begun.elapsed());
     }
 
     proptest! {

@@ -3,7 +3,7 @@
 use super::data::DataAbout;
 use super::settings::{MORE_MODES, Scale, Settings, has_mode, modes};
 use super::widgets::{WEAK, swatch, weak};
-use crate::attribute::{ColorMode, ColorRange, ColorTable, Ramp, RangeEnd, ReturnKind, Spread};
+use crate::attribute::{Channel, ColorMode, ColorRange, ColorTable, Ramp, RangeEnd, ReturnKind, Spread};
 use clap::ValueEnum;
 use egui::{
     Align, Align2, Button, ComboBox, DragValue, FontId, Layout, Mesh, Pos2, Sense, Shape, Ui, pos2, vec2,
@@ -189,13 +189,10 @@ pub fn show(
             if let Some(scale) = settings.scale_mut() {
                 choices(ui, scale, (range, about.and_then(|about| mode.spread(&about.summary))), places);
             }
-            if table.knows_none() {
+            if let Some(channel) = table.channel.filter(Channel::knows_none) {
                 ui.horizontal(|ui| {
                     swatch(ui, table.of_channel(0));
-                    ui.label(weak(match mode {
-                        ColorMode::LineDifference => "seen by one line",
-                        _ => "no points",
-                    }));
+                    ui.label(weak(channel.none_words()));
                 });
             }
         }

@@ -2,7 +2,7 @@
 
 use super::fates::{self, Refused};
 use super::watch::{self, News, Stamp, Watch};
-use crate::attribute::{ColorMode, Flags, KindCounts};
+use crate::attribute::{AttributeSummary, ColorMode, Flags, KindCounts};
 use crate::coords::{Bounds, Grid, HEIGHT_STEP, Height, Hull, Outline};
 use crate::gpu::{Gpu, Order};
 use crate::ingest::bins::{Budget, Core};
@@ -110,6 +110,8 @@ pub struct DataAbout {
     pub whole: load::About,
     /// In the order of the inputs.
     pub files: Vec<FileAbout>,
+    /// How often [`load::About::summary`] has become that of another selection.
+    pub summaries: u32,
 }
 
 impl FileAbout {
@@ -242,6 +244,15 @@ enum Purpose {
     More(Vec<OsString>),
     /// Those that have these places in [`DataAbout::files`] have changed.
     Again(Vec<usize>),
+    /// What colours are chosen by is to become that of the points that take part now.
+    Ranges,
+}
+
+impl Purpose {
+    /// What they are is known: it was said when they came.
+    fn is_of_known(&self) -> bool {
+        matches!(self, Purpose::Again(_) | Purpose::Ranges)
+    }
 }
 
 /// What came of opening files, and what is to be said of it.
@@ -455,6 +466,7 @@ impl Data {
                 Purpose::More(inputs) if self.about.is_some() && !is_of_world => self.open_more(inputs),
                 Purpose::More(inputs) if self.about.is_some() => self.join(inputs, come),
                 Purpose::Again(files) => self.renew(&files, come),
+                Purpose::Ranges => self.summarise(come),
                 Purpose::First | Purpose::More(_) => tick.is_new_scene |= self.show_first(gpu, come)?,
             }
         }
@@ -745,6 +757,15 @@ impl Data {
         self.say(said);
     }
 
+    /// Ranges of colours become those of other points. What codes mean stays: it does not depend on what takes part.
+    fn summarise(&mut self, come: Opened) {
+        let (Ok(opening), Some(about)) = (come.opening, &mut self.about) else { return };
+        let before = &about.whole.summary;
+        let (has_rgb, scales) = (before.has_rgb, before.scales.clone());
+        about.whole.summary = AttributeSummary { has_rgb, scales, ..opening.about.summary };
+        about.summaries += 1;
+    }
+
     fn watch_from(&self, first: usize) {
         let (Some(watch), Some(about)) = (&self.watch, &self.about) else { return };
         for (number, file) in about.files.iter().enumerate().skip(first) {
@@ -792,7 +813,7 @@ impl Data {
         let Opening { inputs, grid, core, about, reading } = opening;
         self.reading = reading.clone();
         self.anchor = grid.height(about.bounds.center().z).unwrap_or(Height(0));
-        self.about = Some(DataAbout { whole: about, files });
+        self.about = Some(DataAbout { whole: about, files, summaries: 0 });
         let wake = Arc::clone(&self.wake);
         self.watch = Some(Watch::new(move || wake()));
         self.watch_from(0);
@@ -944,8 +965,16 @@ impl Data {
             false => reading.selection.words(),
         });
         self.is_mixed |= reading.channel != self.reading.channel;
+        let is_other_selection = reading.selection != self.reading.selection;
         self.reading = reading.clone();
         live.set_reading(reading);
+        if is_other_selection {
+            let files = self.about.iter().flat_map(|about| &about.files);
+            let files = files.filter(|file| !file.is_removed && !file.is_gone);
+            let paths: Vec<_> = files.map(|file| file.path.clone().into_os_string()).collect();
+            self.pending.retain(|pending| !matches!(pending.purpose, Purpose::Ranges));
+            self.open_aside(paths, Vec::new(), Purpose::Ranges);
+        }
         self.is_complete = false;
         let lines = self.about.iter().flat_map(|about| &about.files).filter(|file| !file.is_removed);
         let lines = lines.filter_map(|file| {
@@ -1009,9 +1038,13 @@ impl Data {
     fn open_aside(&mut self, inputs: Vec<OsString>, known: Vec<PathBuf>, purpose: Purpose) {
         let world = self.about.as_ref().map(|about| about.world());
         let is_of_world = world.is_some();
-        let is_again = matches!(purpose, Purpose::Again(_));
+        let is_of_known = purpose.is_of_known();
         let (send, opening) = crossbeam_channel::bounded(1);
         let (options, wake) = (self.options.clone(), Arc::clone(&self.wake));
+        let selection = match purpose {
+            Purpose::Ranges => self.reading.selection.clone(),
+            _ => options.selection.clone(),
+        };
         std::thread::spawn(move || {
             let (mut problems, mut fates) = (Problems::default(), Fates::new());
             let mut found = inputs::expand(&inputs);
@@ -1022,7 +1055,7 @@ impl Data {
             let refused = found.failed.iter().map(Refused::input).collect();
             let is_known = !found.files.is_empty() && found.files.iter().all(|path| known.contains(path));
             found.files.retain(|path| !known.contains(path));
-            if is_again {
+            if is_of_known {
                 // They were counted when they came.
                 found.failed.iter().for_each(|error| problems.error(error));
             } else {
@@ -1033,7 +1066,7 @@ impl Data {
                 cell: options.cell,
                 placement: PlacementOptions { known: world, ..options.placement },
                 rgb_bits: options.rgb_bits,
-                asked: Asked { selection: options.selection, ..options.visibility.asked() },
+                asked: Asked { selection, ..options.visibility.asked() },
                 budget: Budget { host_bytes: options.host_bytes, device_bytes: options.device_bytes },
                 cache: options.cache,
                 quiet: true,
@@ -1077,7 +1110,7 @@ impl Data {
         let files = self.about.as_ref().map_or(&[][..], |about| &about.files);
         let shown = files.iter().filter(|file| file.is_seen()).count();
         let all = files.iter().filter(|file| !file.is_removed).count();
-        let is_again = |pending: &OpeningFiles| matches!(pending.purpose, Purpose::Again(_));
+        let is_of_known = |pending: &OpeningFiles| pending.purpose.is_of_known();
         DataStatus {
             points: progress.points,
             points_read: progress.points_seen,
@@ -1085,7 +1118,7 @@ impl Data {
             kinds: self.kinds.clone(),
             extent: self.about.as_ref().and_then(DataAbout::shown_bounds),
             files: [shown, all].map(|n| n as u64),
-            is_opening: self.pending.iter().any(|pending| !is_again(pending)),
+            is_opening: self.pending.iter().any(|pending| !is_of_known(pending)),
             sections_wanted: now.wanted as u64,
             sections_resident: now.ready as u64,
             host_bytes: [now.host_bytes, self.options.host_bytes],

@@ -286,7 +286,7 @@ impl Panel {
         let title = part(ui, "Points", !settings.selection.is_all(), |ui| {
             let unit =
                 content.about.and_then(|about| about.unit.as_ref()).map_or("units", |unit| unit.symbol());
-            let has_times = content.about.is_some_and(|about| about.summary.times.is_some());
+            let has_times = content.about.is_some_and(|about| about.summary.scales.times.is_some());
             let about = (content.status, unit, has_times);
             self.points.show(ui, &mut settings.selection, about, &mut requests.places);
         });

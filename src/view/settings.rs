@@ -1,7 +1,7 @@
 //! What the user has chosen to see, and the view of the data that follows from it.
 
 use super::data::{Data, DataAbout};
-use crate::attribute::{ColorMode, ColorRange, ColorTable, Ramp, TimeScale};
+use crate::attribute::{ColorMode, ColorRange, ColorTable, Ramp};
 use crate::render::camera::{Camera, Projection};
 use crate::render::frame::{Background, Shade, Traversal, View};
 use crate::resident::visibility::Visibility;
@@ -114,7 +114,7 @@ impl Settings {
 pub fn has_mode(data: Option<&DataAbout>, mode: ColorMode) -> bool {
     match mode {
         ColorMode::Rgb => data.is_some_and(DataAbout::has_rgb),
-        ColorMode::GpsTime => data.is_none_or(|about| about.summary.times.is_some()),
+        ColorMode::GpsTime => data.is_none_or(|about| about.summary.scales.times.is_some()),
         _ => true,
     }
 }
@@ -130,7 +130,8 @@ pub struct ColorChoice {
     mode: ColorMode,
     scale: Scale,
     has_rgb: bool,
-    times: Option<TimeScale>,
+    /// By what ranges are chosen.
+    summaries: u32,
 }
 
 impl ColorChoice {
@@ -142,8 +143,8 @@ impl ColorChoice {
     /// That of the settings.
     pub fn of(settings: &Settings, data: Option<&DataAbout>) -> ColorChoice {
         let has_rgb = data.is_some_and(DataAbout::has_rgb);
-        let times = data.and_then(|about| about.summary.times);
-        ColorChoice { mode: settings.color, scale: settings.scale(), has_rgb, times }
+        let summaries = data.map_or(0, |about| about.summaries);
+        ColorChoice { mode: settings.color, scale: settings.scale(), has_rgb, summaries }
     }
 }
 

@@ -66,6 +66,11 @@ fn shown(world: &World) -> HashSet<PayloadKey> {
     world.live.shown().iter().map(|(_, from)| *from).collect()
 }
 
+/// Whether rays look for what floats in a section.
+fn floats(world: &World, key: PayloadKey) -> bool {
+    world.scene.entries_for([(key.section, key)]).iter().any(|entry| entry.floats)
+}
+
 /// Until other classes are shown everywhere.
 fn finish(world: &mut World, sight: &Sight) -> Switched {
     let start = Instant::now();
@@ -96,6 +101,8 @@ fn what_is_in_sight_comes_first_and_every_section_is_whole() {
         let differ = all.iter().filter(|key| before[key] != after[key]).count();
         assert!(differ > 10 && differ * 2 > all.len(), "{differ} of {} sections differ", all.len());
         tick(&mut world, &sight);
+        let floating: HashSet<_> = all.iter().copied().filter(|key| floats(&world, *key)).collect();
+        assert_eq!(floating.len() > 10, surface == Surface::Stacks);
         let counters = world.scene.counters();
         let version = world.scene.generation();
 
@@ -124,6 +131,9 @@ fn what_is_in_sight_comes_first_and_every_section_is_whole() {
             for (key, words) in derived(&mut world) {
                 let of = if left.contains(&key) { &before } else { &after };
                 assert!(words == of[&key], "{key:?} shows neither the one nor the other");
+                // Crowns are no pillars while they are still to be seen.
+                let floats_now = left.contains(&key) && floating.contains(&key);
+                assert_eq!(floats(&world, key), floats_now, "{key:?}");
             }
             if let Some(switched) = switched {
                 break switched;

@@ -146,7 +146,7 @@ fn colours_of_real_files() {
     for (name, rgb, color) in cases {
         let (_, sample) = sample_of(&data, name);
         assert!(sample.files.iter().all(|file| file.rgb == rgb), "{name}: {:?}", sample.files);
-        assert_eq!(ColorMode::auto(&sample.attributes), color, "{name}");
+        assert_eq!(sample.color, color, "{name}");
         assert!(sample.problems.is_empty(), "{name}: {:?}", sample.problems);
     }
 }

@@ -4,7 +4,6 @@ use super::args::Args;
 use super::classes::ClassCount;
 use super::report::{FileReport, InfoReport, Total};
 use super::scan::{self, Scan};
-use crate::attribute::ColorMode;
 use crate::coords::{Bounds, height_step};
 use crate::problems::Problems;
 use crate::sample::{self, FrameNote, Opened, RgbDepth, Sample, SampleBudget};
@@ -148,7 +147,7 @@ fn total(sample: &Sample, reports: &[FileReport]) -> Total {
         cell: sample.cell.cell,
         height_step: sample.bounds.and_then(|b| height_step(sample.cell.cell, [b.min.z, b.max.z])),
         coverage: sample.cell.coverage,
-        color: ColorMode::auto(attributes).name(),
+        color: sample.color.name(),
         height_p2_p98: [2.0, 98.0].map(|percent| attributes.height.percentile(percent)),
         intensity_p2_p98: [2.0, 98.0].map(|percent| attributes.intensity.percentile(percent)),
         sampled: sample.sampled,
@@ -177,6 +176,7 @@ fn decimals(scale: f64) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::super::ranges::Span;
     use super::super::text;
     use super::*;
     use crate::source::inputs;
@@ -233,14 +233,31 @@ mod tests {
         }
         assert!((5.0..25.0).contains(&all.density), "{}", all.density);
 
+        let span = |span: Option<Span>| span.map(|span| [span.min, span.max]).unwrap();
+        let [lowest, highest] = span(scan.scan_angle);
+        assert!(lowest < 0.0 && highest > 0.0 && lowest > -90.0 && highest < 90.0, "{lowest} {highest}");
+        let [first, last] = span(scan.gps_time);
+        assert!(first > 0.0 && last > first);
+        assert_eq!(scan.source_ids.values().sum::<u64>(), 50_000);
+
         let page = text::page(&report, None);
+        let ids: Vec<_> = scan.source_ids.keys().map(u16::to_string).collect();
+        for part in
+            [format!("source ids   {}", ids.join(", ")), "scan angle   ".into(), "GPS time     ".into()]
+        {
+            assert!(page.contains(&part), "{part} is not in\n{page}");
+        }
         for part in ["all 2 files", "point format 7, LAZ", "points       30,000 in 1 chunk"] {
             assert!(page.contains(part), "{part} is not in\n{page}");
         }
         let json = serde_json::to_value(&report).unwrap();
         assert_eq!(json["files"][1]["points"], 30_000);
         assert_eq!(json["all"]["cell"], all.cell);
-        assert!(json["all"]["scan"]["classes"][0]["name"].is_string());
+        let scanned = &json["all"]["scan"];
+        assert!(scanned["classes"][0]["name"].is_string());
+        assert_eq!(scanned["source_ids"][0]["id"].as_u64().map(|id| id.to_string()), Some(ids[0].clone()));
+        assert_eq!(scanned["gps_time"]["min"], first);
+        assert_eq!(scanned["scan_angle"]["max"], highest);
     }
 
     #[test]

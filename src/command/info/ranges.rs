@@ -24,6 +24,28 @@ impl Range {
     }
 }
 
+/// Lowest and highest of numbers that are no whole ones.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Span {
+    pub min: f64,
+    pub max: f64,
+}
+
+impl Span {
+    /// Takes in another; of what is not a number there is none.
+    pub fn merge(span: &mut Option<Span>, other: Option<Span>) {
+        let Some(other) = other.filter(|other| other.min.is_finite() && other.max.is_finite()) else {
+            return;
+        };
+        let all = span.get_or_insert(other);
+        (all.min, all.max) = (all.min.min(other.min), all.max.max(other.max));
+    }
+
+    pub fn include(span: &mut Option<Span>, value: f64) {
+        Span::merge(span, Some(Span { min: value, max: value }));
+    }
+}
+
 /// A box, E, N, U.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Box3 {

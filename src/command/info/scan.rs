@@ -1,12 +1,15 @@
 //! What only reading every point tells.
 
 use super::classes::ClassCount;
-use super::ranges::{Box3, Range};
+use super::ranges::{Box3, Range, Span};
 use crate::sample::{Opened, parallel};
-use crate::source::{FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, LidarFile, PointBlock};
+use crate::source::{
+    FLAG_KEY_POINT, FLAG_OVERLAP, FLAG_SYNTHETIC, FLAG_WITHHELD, Fields, LidarFile, PointBlock,
+};
 use crate::text::harmless;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 /// Counts and ranges over the points of a file, or of all files.
@@ -23,6 +26,13 @@ pub struct Scan {
     pub intensity: Range,
     pub return_number: Range,
     pub number_of_returns: Range,
+    /// Points of each point source id.
+    #[serde(serialize_with = "by_id")]
+    pub source_ids: BTreeMap<u16, u64>,
+    /// Degrees from the nadir.
+    pub scan_angle: Option<Span>,
+    /// As stored; absent where no point has one.
+    pub gps_time: Option<Span>,
     /// Red, green, blue as stored; absent where the format has none.
     pub rgb: Option<[Range; 3]>,
     pub synthetic: u64,
@@ -42,6 +52,9 @@ impl Default for Scan {
             intensity: Range::NONE,
             return_number: Range::NONE,
             number_of_returns: Range::NONE,
+            source_ids: BTreeMap::new(),
+            scan_angle: None,
+            gps_time: None,
             rgb: None,
             synthetic: 0,
             key_point: 0,
@@ -67,6 +80,9 @@ impl Scan {
         self.intensity.merge(other.intensity);
         self.return_number.merge(other.return_number);
         self.number_of_returns.merge(other.number_of_returns);
+        other.source_ids.iter().for_each(|(id, points)| *self.source_ids.entry(*id).or_default() += points);
+        Span::merge(&mut self.scan_angle, other.scan_angle);
+        Span::merge(&mut self.gps_time, other.gps_time);
         if let Some(other) = other.rgb {
             let rgb = self.rgb.get_or_insert([Range::NONE; 3]);
             rgb.iter_mut().zip(other).for_each(|(range, other)| range.merge(other));
@@ -105,6 +121,14 @@ impl Scan {
             self.withheld += u64::from(flags & FLAG_WITHHELD != 0);
             self.overlap += u64::from(flags & FLAG_OVERLAP != 0);
         }
+        // Points of a line follow each other.
+        for run in block.source_id.chunk_by(|a, b| a == b) {
+            *self.source_ids.entry(run[0]).or_default() += run.len() as u64;
+        }
+        for &steps in &block.scan_angle {
+            Span::include(&mut self.scan_angle, f64::from(steps) * 6.0 / 1000.0);
+        }
+        block.gps_time.iter().for_each(|&time| Span::include(&mut self.gps_time, time));
         for rgb in &block.rgb {
             let ranges = self.rgb.get_or_insert([Range::NONE; 3]);
             ranges.iter_mut().zip(rgb).for_each(|(range, &value)| range.include(value));
@@ -115,6 +139,18 @@ impl Scan {
 /// Classes that occur: number, name, points.
 fn named<S: Serializer>(classes: &[u64], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(ClassCount::all(classes))
+}
+
+/// Points of an id.
+#[derive(Serialize)]
+struct IdCount {
+    id: u16,
+    points: u64,
+}
+
+/// Ids that occur, ascending.
+fn by_id<S: Serializer>(ids: &BTreeMap<u16, u64>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_seq(ids.iter().map(|(&id, &points)| IdCount { id, points }))
 }
 
 /// Scans on all cores, chunk by chunk; results in the order of `files`.
@@ -136,6 +172,7 @@ pub fn every_file(files: &[Opened], quiet: bool) -> Vec<Scan> {
         let file = &files[at].file;
         let chunk = &file.chunks[chunk];
         let mut scan = Scan::default();
+        decoder.set_fields(Fields::ALL);
         let read = decoder.decode(file, chunk, 0..chunk.records, &mut |block| scan.add(file, block));
         bar.inc(chunk.records);
         scans[at].lock().unwrap_or_else(PoisonError::into_inner).merge(&scan);

@@ -2,7 +2,7 @@
 
 use super::classes::ClassCount;
 use super::numbers::{fixed, number, significant};
-use super::ranges::{Box3, Range};
+use super::ranges::{Box3, Range, Span};
 use super::report::{CrsReport, FileReport, InfoReport, Total};
 use super::scan::Scan;
 use super::table::{table, wrapped};
@@ -231,6 +231,13 @@ fn scan_rows(scan: &Scan, decimals: [usize; 3], units: [&str; 3]) -> Vec<Row> {
             "return",
             format!("{} of {}", range(scan.return_number), range(scan.number_of_returns)),
         ));
+        rows.push(row("source ids", ids(&scan.source_ids.keys().copied().collect::<Vec<_>>())));
+        if let Some(Span { min, max }) = scan.scan_angle {
+            rows.push(row("scan angle", format!("{} to {}°", fixed(min, 2), fixed(max, 2))));
+        }
+        if let Some(Span { min, max }) = scan.gps_time {
+            rows.push(row("GPS time", format!("{} to {} s", fixed(min, 6), fixed(max, 6))));
+        }
         if let Some([red, green, blue]) = scan.rgb {
             rows.push(row("RGB", format!("R {}, G {}, B {}", range(red), range(green), range(blue))));
         }
@@ -247,6 +254,18 @@ fn scan_rows(scan: &Scan, decimals: [usize; 3], units: [&str; 3]) -> Vec<Row> {
     rows.extend(class_rows(&ClassCount::all(&scan.classes), scan.points, None));
     rows.extend(scan.damage.iter().map(|damage| row("damage", damage.clone())));
     rows
+}
+
+/// Ids that are few each, of many the ends.
+fn ids(ids: &[u16]) -> String {
+    const FEW: usize = 12;
+    match ids {
+        [] => "none".to_owned(),
+        [first, .., last] if ids.len() > FEW => {
+            format!("{} from {first} to {last}", number(ids.len() as u64))
+        }
+        few => few.iter().map(u16::to_string).collect::<Vec<_>>().join(", "),
+    }
 }
 
 fn system(crs: Option<&CrsReport>) -> String {

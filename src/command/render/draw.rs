@@ -67,10 +67,12 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
     let mode = args.color.0.unwrap_or(legend.color);
     let colors = ColorTable::new(mode, &legend.summary, &grid, args.ramp, args.range)
         .map_err(|e| UsageError(e.to_string()))?;
-    if let Some(constant) = &colors.constant
-        && !args.quiet
-    {
-        eprintln!("note: {constant}");
+    if !args.quiet {
+        colors.constant.iter().for_each(|constant| eprintln!("note: {constant}"));
+        let options = [("--ramp", args.ramp.is_some()), ("--range", args.range.is_some())];
+        for (option, _) in options.iter().filter(|(_, is_given)| *is_given && !mode.has_ramp()) {
+            eprintln!("note: {option} changes nothing: colours by {} have no ramp", mode.name());
+        }
     }
 
     let exr = Format::of(output)? == Format::Exr;

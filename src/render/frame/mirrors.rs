@@ -45,6 +45,7 @@ pub(crate) struct FrameConstants {
     pub(crate) color_source: u32,
     pub(crate) range_low: u32,
     pub(crate) range_scale: f32,
+    pub(crate) range_offset: f32,
     pub(crate) cell_steps: f32,
     pub(crate) sun: [f32; 3],
     pub(crate) background: u32,
@@ -90,16 +91,17 @@ impl FrameConstants {
                 ColorMode::Rgb => COLOR_RGB,
                 ColorMode::Height => COLOR_HEIGHT,
                 ColorMode::Class => COLOR_CLASS,
-                ColorMode::Intensity
-                | ColorMode::ScanAngle
-                | ColorMode::GpsTime
-                | ColorMode::HeightAboveGround => COLOR_CHANNEL,
-                ColorMode::Density | ColorMode::LineDifference => COLOR_KNOWN,
+                ColorMode::Intensity | ColorMode::ScanAngle => COLOR_CHANNEL,
+                ColorMode::GpsTime
+                | ColorMode::HeightAboveGround
+                | ColorMode::Density
+                | ColorMode::LineDifference => COLOR_KNOWN,
                 ColorMode::SourceId => COLOR_PALETTE,
                 ColorMode::Return => COLOR_RETURNS,
             },
             range_low: view.colors.lo,
             range_scale: view.colors.scale,
+            range_offset: view.colors.offset,
             cell_steps: (grid.cell_steps(0) / view.z_scale) as f32,
             sun: sun.as_vec3().to_array(),
             background: match view.background {
@@ -310,6 +312,7 @@ mod tests {
             color_source,
             range_low,
             range_scale,
+            range_offset,
             cell_steps,
             sun,
             background,

@@ -54,17 +54,29 @@ fn srgb(colors: &ColorTable, column: &Column) -> [f64; 3] {
         ColorMode::Rgb => return column.rgb.map(|v| f64::from(v) / 255.0),
         ColorMode::Height => (column.height_steps + (1 << 31)) as u32,
         ColorMode::Class => column.class.into(),
-        ColorMode::Density | ColorMode::LineDifference if column.intensity == 0 => return [0.65; 3],
+        ColorMode::GpsTime
+        | ColorMode::HeightAboveGround
+        | ColorMode::Density
+        | ColorMode::LineDifference
+            if column.intensity == 0 =>
+        {
+            return [0.65; 3];
+        }
         ColorMode::Intensity
         | ColorMode::ScanAngle
         | ColorMode::GpsTime
         | ColorMode::HeightAboveGround
         | ColorMode::Density
         | ColorMode::LineDifference => column.intensity.into(),
-        ColorMode::SourceId => (u32::from(column.intensity) + column.intensity as u32 / 256 * 37) % 256,
+        ColorMode::SourceId => {
+            let entry = (u32::from(column.intensity) + column.intensity as u32 / 256 * colors.lo) % 256;
+            let [r, g, b, _] = colors.table[entry as usize].map(f64::from);
+            return [r, g, b];
+        }
         ColorMode::Return => column.returns.into(),
     };
-    let entry = (f64::from(value.saturating_sub(colors.lo)) * f64::from(colors.scale)).min(255.0);
+    let beyond = f64::from(value.saturating_sub(colors.lo)) * f64::from(colors.scale);
+    let entry = (beyond + f64::from(colors.offset)).clamp(0.0, 255.0);
     let [below, above] =
         [entry as usize, (entry as usize + 1).min(255)].map(|k| colors.table[k].map(f64::from));
     std::array::from_fn(|k| below[k] + (above[k] - below[k]) * entry.fract())
