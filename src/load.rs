@@ -11,7 +11,7 @@ use crate::ingest::budget::layer_bytes;
 use crate::ingest::input::{Input, OpenInput, SeenKinds};
 use crate::ingest::workers::{ReadProgress, read_all};
 use crate::problems::Problems;
-use crate::sample::{self, Asked, FileSample, Opened, RgbDepth};
+use crate::sample::{self, Asked, FileSample, Opened, Present, RgbDepth};
 use crate::section::{Columns, Surface};
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
@@ -57,8 +57,13 @@ pub enum LoadError {
     #[error("nothing to draw: {0}")]
     Nothing(&'static str),
     /// None of the points takes part.
-    #[error("nothing to draw: no point is selected ({0})")]
-    NoneSelected(String),
+    #[error("nothing to draw: no point is selected ({asked}){there}")]
+    NoneSelected {
+        /// Which were asked for.
+        asked: String,
+        /// What there is instead, as far as that is known.
+        there: String,
+    },
     /// More cells than the grid can count.
     #[error(
         "cell size {} is too small: {what} {} units would be {} cells, {most:.0} are possible",
@@ -111,6 +116,13 @@ pub enum LoadError {
     },
 }
 
+impl LoadError {
+    /// None of the points takes part that are selected so; `present`: what there is instead.
+    pub fn none_selected(selection: &Selection, present: &Present) -> LoadError {
+        LoadError::NoneSelected { asked: selection.words(), there: present.beside(selection) }
+    }
+}
+
 /// Everything about the data but the pixels.
 pub struct Loaded {
     /// The grid that the sections lie on.
@@ -119,8 +131,10 @@ pub struct Loaded {
     pub about: About,
     /// In key order.
     pub sections: Vec<(SectionKey, Columns)>,
-    /// Points binned.
+    /// Points read.
     pub points: u64,
+    /// Those of them that are in a section: all that take part, but for such as no cell or height can hold.
+    pub binned: u64,
 }
 
 /// Largest absolute cell index: beyond it, f64 no longer tells neighbours apart.
@@ -268,15 +282,30 @@ impl Opening {
     }
 }
 
-/// Opens `paths` and takes the opening sample.
-pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Opening, LoadError> {
-    open_and_tell(paths, options, problems, &mut Fates::new())
+impl Opening {
+    /// As if nothing certain had been asked for at first: what is framed is what is shown by default.
+    pub fn of_all(mut self) -> Opening {
+        for input in &mut self.inputs {
+            input.hull = input.hull_of_all.take().or(input.hull.take());
+        }
+        if let Some(outline) = self.about.outline_of_all.take() {
+            self.about.outline = outline;
+        }
+        self
+    }
 }
 
-/// The same; adds to `fates` what becomes of each file, even when this fails: then of those that it fails by.
+/// Opens `paths` and takes the opening sample.
+pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Opening, LoadError> {
+    open_and_tell(paths, options, true, problems, &mut Fates::new())
+}
+
+/// The same; adds to `fates` what becomes of each file, even when this fails: then of those that it fails by. `needs_points`: it
+/// fails where none of the points takes part.
 pub fn open_and_tell(
     paths: &[PathBuf],
     options: &LoadOptions,
+    needs_points: bool,
     problems: &mut Problems,
     fates: &mut Fates,
 ) -> Result<Opening, LoadError> {
@@ -293,9 +322,12 @@ pub fn open_and_tell(
         sample::take(&opened, &options.placement, &options.asked, &sample::SampleBudget::default());
     say_notes(&sample, &opened, &subject, problems);
     let selection = &options.asked.selection;
-    if sample.whole && sample.selected == 0 && sample.points > 0 && !selection.is_all() {
-        return Err(none_selected(&opened, &sample.world.treatments, selection, fates, problems));
+    let is_none = sample.whole && sample.selected == 0 && sample.points > 0 && !selection.is_all();
+    if is_none && needs_points {
+        none_selected(&opened, &sample.world.treatments, selection, fates, problems);
+        return Err(LoadError::none_selected(selection, &sample.present));
     }
+    sample.present.doubts(selection).iter().for_each(|doubt| problems.note(format!("{subject}{doubt}")));
     let Some(bounds) = sample.bounds else {
         none_shown(&opened, &sample.world.treatments, fates);
         let mut errors: Vec<_> = sample.problems.iter().map(|(_, error)| error.to_string()).collect();
@@ -388,6 +420,7 @@ pub fn open_and_tell(
         outline_of_all: sample.shape_of_all.map(outline),
         summary: sample.attributes,
         kinds: sample.kinds,
+        present: sample.present,
         color,
         crs: sample.world.crs,
         unit: sample.world.unit,
@@ -461,14 +494,14 @@ fn say_warnings(opened: &[Opened], problems: &mut Problems) {
     }
 }
 
-/// Why nothing is drawn where no point of any file takes part; what files lack that is asked for is said.
+/// What becomes of files where no point of any of them takes part; what they lack that is asked for is said.
 fn none_selected(
     opened: &[Opened],
     treatments: &[Treatment],
     selection: &Selection,
     fates: &mut Fates,
     problems: &mut Problems,
-) -> LoadError {
+) {
     none_shown(opened, treatments, fates);
     let reading = Reading { selection: selection.clone(), ..Reading::default() };
     for file in opened.iter().map(|opened| &opened.file) {
@@ -476,7 +509,6 @@ fn none_selected(
             problems.warn(format!("{}: {words}", file.path().display()));
         }
     }
-    LoadError::NoneSelected(selection.words())
 }
 
 /// What becomes of files none of which has a point that could be shown.
@@ -583,7 +615,7 @@ impl ScanSample {
     fn add(&mut self, block: &PointBlock, selection: &Selection, grid: &Grid) {
         for i in (0..block.len()).step_by(32) {
             let place = Scan.world(block, i);
-            let is_selected = selection.holds(block, i) && selection.heights.holds(place.z);
+            let is_selected = selection.holds(block, i) && selection.holds_height(place.z);
             if let Some(height) = grid.height(place.z).filter(|_| is_selected)
                 && !sample::hidden_by_default(block.class[i], block.flags[i])
             {
@@ -677,7 +709,7 @@ pub fn tiles_of(
     let sampled = sampled.into_inner().unwrap_or_else(|e| e.into_inner());
     let ScanSample { attributes, mut places, source_ids, angles } = sampled;
     if places.is_empty() && !selection.is_all() {
-        return Err(LoadError::NoneSelected(selection.words()));
+        return Err(LoadError::none_selected(selection, &Present::default()));
     }
     let summary = AttributeSummary {
         source_ids: source_ids.into_iter().collect(),
@@ -704,6 +736,7 @@ pub fn tiles_of(
         outline_of_all: None,
         kinds: (0..=255).filter(|&c| summary.classes[usize::from(c)] > 0).map(|c| (c, false)).collect(),
         summary,
+        present: Present::default(),
         color: ColorMode::Rgb,
         crs: None,
         unit,
@@ -729,6 +762,8 @@ pub struct About {
     pub summary: AttributeSummary,
     /// Kinds of points that the sample has seen, hidden ones included.
     pub kinds: Kinds,
+    /// What there is of the values that selections go by, as far as was seen.
+    pub present: Present,
     /// What `--color auto` comes to.
     pub color: ColorMode,
     /// The data's coordinate system.
@@ -791,10 +826,15 @@ fn finish(
             about.subject
         ));
     }
+    let selection = &options.asked.selection;
+    if binned.sections.is_empty() && !selection.is_all() && binned.outside == 0 {
+        return Err(LoadError::none_selected(selection, &about.present));
+    }
     if binned.sections.is_empty() {
         return Err(LoadError::Nothing("no point is left"));
     }
-    Ok(Loaded { grid: binned.grid, about, sections: binned.sections, points })
+    let in_sections = binned.sections.iter().map(|(_, columns)| columns.points()).sum();
+    Ok(Loaded { grid: binned.grid, about, sections: binned.sections, points, binned: in_sections })
 }
 
 /// Runs `work` while a progress bar follows `progress`.

@@ -582,7 +582,7 @@ fn wrong_arguments() {
         (&["--z-unit", "cubit"], "unknown unit cubit"),
         (&["--color", "beige"], "'beige'"),
         (&["--returns", "second"], "'second'"),
-        (&["--source-id", "3,x"], "'x' is not a point source id: 3,7-9"),
+        (&["--source-id", "3,x"], "'x' is not a point source id, such as 3,7-9"),
         (&["--source-id", "9-3"], "9 is above 3"),
         (&["--source-id", "65536"], "65536 is out of range: point source ids are 0 to 65535"),
         (&["--intensity", "100,2000"], "'100,2000' is not a number; a range is 100..2000, 100.. or ..2000"),

@@ -19,6 +19,11 @@ impl KindCounts {
         [shown.unwrap_or(0) + withheld.unwrap_or(0), withheld.unwrap_or(0)]
     }
 
+    /// Points of any class.
+    pub fn all(&self) -> u64 {
+        self.of.values().sum()
+    }
+
     /// Kinds that occur.
     pub fn kinds(&self) -> Kinds {
         self.of.keys().copied().collect()

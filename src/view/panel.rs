@@ -13,7 +13,7 @@ use super::selection_part::SelectionPart;
 use super::settings::{BRIDGE, Settings};
 use super::state::State;
 use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, weak};
-use crate::attribute::{Channel, ColorTable, class_color, class_name};
+use crate::attribute::{Channel, ColorMode, ColorTable, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
 use crate::text::{harmless, tidy};
@@ -64,8 +64,8 @@ pub struct PanelContent<'a> {
     pub about: Option<&'a DataAbout>,
     /// Progress, memory, messages.
     pub status: &'a DataStatus,
-    /// The colours in use.
-    pub colors: Option<&'a ColorTable>,
+    /// The colours in use, with what they were made for.
+    pub colors: Option<(ColorMode, &'a ColorTable)>,
     /// Plots.
     pub times: &'a StageTimes,
     /// What was clicked on, else what lies under the cursor.
@@ -223,13 +223,20 @@ impl Default for Panel {
 }
 
 impl Panel {
+    /// Nothing is typed any more: something else is open.
+    pub fn forget(&mut self) {
+        (self.alone, self.points) = (Alone::default(), SelectionPart::default());
+    }
+
     /// Lays out everything but the image, which gets what is left of `ui`.
     pub fn show(&mut self, ui: &mut Ui, settings: &mut Settings, content: &PanelContent) -> PanelRequests {
         let mut requests = PanelRequests::default();
         let margin = Margin::symmetric(12, 3);
         let frame = egui::Frame::new().fill(GROUND).inner_margin(margin);
         egui::Panel::bottom("status").exact_size(26.0).frame(frame).show(ui, |ui| self.status(ui, content));
-        if self.is_open {
+        if !self.is_open {
+            self.points = SelectionPart::default();
+        } else {
             let frame = egui::Frame::new().fill(GROUND).inner_margin(Margin {
                 left: 12,
                 right: 4,

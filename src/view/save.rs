@@ -106,8 +106,8 @@ fn classes(mask: ClassMask, present: &BTreeSet<u8>) -> Option<(&'static str, Str
 fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     let Seen { data, about, settings, size, .. } = seen;
     let read = data.options();
-    // What was chosen by the first files is said where others would choose it now.
-    let is_other = data.shows_others();
+    // What was chosen by the first files and points is said where others would choose it now.
+    let is_other = data.shows_others() || !data.is_first();
     let mut options = vec![("size", text(format!("{}x{}", size[0], size[1])))];
     if settings.color != about.color || is_other {
         options.push(("color", text(settings.color.name())));

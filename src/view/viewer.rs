@@ -161,6 +161,7 @@ impl Viewer {
         }
         self.canvas.clear();
         self.navigation.forget();
+        self.panel.forget();
         self.settings = settings_of(&self.view);
         self.data.reopen(&self.gpu, self.view.inputs.clone(), &self.view.hidden, data)?;
         self.name_window(&self.view.inputs);

@@ -52,8 +52,8 @@ impl Data {
     /// Its grid, what is known of it, and the rest.
     pub(super) fn into_parts(self) -> (Grid, About, Content) {
         match self {
-            Data::Whole(Loaded { grid, about, sections, points }) => {
-                (grid, about, Content::Whole(sections, points))
+            Data::Whole(Loaded { grid, about, sections, points, binned }) => {
+                (grid, about, Content::Whole(sections, [points, binned]))
             }
             Data::Live(Opening { inputs, grid, core, about, reading }) => {
                 (grid, about, Content::Live(inputs, core, reading))
@@ -64,8 +64,8 @@ impl Data {
 
 /// What scenes are filled from.
 pub(super) enum Content {
-    /// Sections, and how many points are in them.
-    Whole(Vec<(SectionKey, Columns)>, u64),
+    /// Sections, how many points were read, and how many of them are in sections.
+    Whole(Vec<(SectionKey, Columns)>, [u64; 2]),
     /// Files to be read.
     Live(Vec<OpenInput>, Core, Reading),
 }
@@ -77,6 +77,8 @@ pub(super) struct Filled {
     pub(super) scene: Scene,
     /// Points in all files.
     pub(super) points: u64,
+    /// Those that take part, where all were read from the start.
+    pub(super) selected: Option<u64>,
     /// Sections that are resident from the start.
     pub(super) sections: usize,
 }
@@ -105,13 +107,13 @@ impl Filled {
         let visibility = args.visibility(exact);
         let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility, grid)?;
         match content {
-            Content::Whole(sections, points) => {
+            Content::Whole(sections, [points, selected]) => {
                 let count = sections.len();
                 upload(&mut scene, sections)?;
                 if let Some(why) = why_hidden(&scene.kinds(), &scene.visibility()) {
                     anyhow::bail!("nothing to draw: {why}");
                 }
-                Ok(Filled { scene, live: None, points, sections: count })
+                Ok(Filled { scene, live: None, points, selected: Some(selected), sections: count })
             }
             Content::Live(inputs, core, reading) => {
                 let points = inputs.iter().map(|input| input.input.file.points()).sum();
@@ -124,7 +126,7 @@ impl Filled {
                 if let Some(cache) = args.cache() {
                     live.save_learned_to(cache);
                 }
-                Ok(Filled { scene, live: Some(live), points, sections: 0 })
+                Ok(Filled { scene, live: Some(live), points, selected: None, sections: 0 })
             }
         }
     }

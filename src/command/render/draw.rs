@@ -82,7 +82,8 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         seen_down_to: if args.shade == Shade::Lit { floor } else { bounds.solid_down_to() },
         detail: args.detail.unwrap_or(if exact { 0.0 } else { 1.0 }),
         beside: String::new(),
-        sampled_kinds: &about.kinds,
+        about: &about,
+        selection: args.selection.selection(),
         statuses: Vec::new(),
         renderer: Renderer::new(&filled.scene, grid, anchor)?,
         filled,
@@ -135,10 +136,14 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         }
         None => drawing.image(&cameras[0], output)?,
     }
-    let Drawing { statuses, filled, .. } = drawing;
+    let Drawing { statuses, filled, selection, .. } = drawing;
     side.iter().flat_map(|side| side.write(protected)).for_each(|line| problems.warn(line));
     let resident = statuses.last().map_or(filled.sections, |status| status.resident);
     let read = statuses.last().map_or(filled.points, |status| status.progress.points_seen);
+    let selected = match &filled.live {
+        None => filled.selected.map(|selected| (selected, false)),
+        Some(live) => Some(live.kinds()).map(|kinds| (kinds.all(), !kinds.is_exact)),
+    };
     write_json(args, statuses, protected)?;
     if !args.quiet {
         let summary = Summary {
@@ -146,6 +151,7 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
             images: film.map(|film| film.frames.len() as u64),
             size,
             points: [read, filled.points],
+            selected: selected.filter(|_| !selection.is_all()),
             sections: resident as u64,
             grid: &grid,
             unit: about.unit.as_ref(),

@@ -5,6 +5,7 @@ use super::data::{Filled, fill};
 use crate::attribute::Kinds;
 use crate::command::UsageError;
 use crate::coords::Grid;
+use crate::load::{About, LoadError};
 use crate::output::{Output, Protected};
 use crate::problems::Problems;
 use crate::render::camera::Camera;
@@ -14,6 +15,7 @@ use crate::render::sight::sight;
 use crate::resident::live::Status;
 use crate::resident::table::Table;
 use crate::resident::visibility::why_hidden;
+use crate::source::Selection;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -31,8 +33,10 @@ pub(super) struct Drawing<'a> {
     pub(super) detail: f64,
     /// What an image says of its side files.
     pub(super) beside: String,
-    /// Kinds of points that the opening sample has seen.
-    pub(super) sampled_kinds: &'a Kinds,
+    /// What is known of the data.
+    pub(super) about: &'a About,
+    /// Points that take part.
+    pub(super) selection: Selection,
     /// Of each image that was drawn while data streams.
     pub(super) statuses: Vec<Status>,
     pub(super) protected: &'a Protected,
@@ -46,7 +50,12 @@ impl Drawing<'_> {
         let table = self.table(&view, self.detail, self.args.wait)?;
         let scene = &mut self.filled.scene;
         // Where nothing is in sight, the sample tells what there is elsewhere.
-        let seen: Kinds = scene.kinds().union(self.sampled_kinds).copied().collect();
+        let seen: Kinds = scene.kinds().union(&self.about.kinds).copied().collect();
+        // Where every point was read, there are no others.
+        let is_read = |status: &Status| status.progress.points_seen == status.progress.points;
+        if seen.is_empty() && !self.selection.is_all() && self.statuses.last().is_some_and(is_read) {
+            return Err(LoadError::none_selected(&self.selection, &self.about.present).into());
+        }
         if let Some(why) = why_hidden(&seen, &scene.visibility()) {
             anyhow::bail!("nothing to draw: {why}");
         }
