@@ -137,6 +137,8 @@ pub struct Loaded {
     pub binned: u64,
 }
 
+/// Files that a line names, at most.
+const MOST_NAMED: usize = 3;
 /// Largest absolute cell index: beyond it, f64 no longer tells neighbours apart.
 const REACH_CELLS: f64 = 9e15;
 /// Widest extent in cells: far enough from the limit that strays near the data have cells too.
@@ -470,7 +472,16 @@ fn say_notes(sample: &sample::Sample, opened: &[Opened], subject: &str, problems
         let words = note.words(sample.world.unit.as_ref());
         let line = match note.file() {
             Some(file) => format!("{}: {words}", opened[file].file.path().display()),
-            None => format!("{subject}{words}"),
+            None => {
+                let names = note.files().iter().map(|&file| opened[file].file.path().display().to_string());
+                let names: Vec<String> = names.collect();
+                let first = names[..names.len().min(MOST_NAMED)].join(", ");
+                match names.len() {
+                    0 => format!("{subject}{words}"),
+                    1..=MOST_NAMED => format!("{subject}{words} ({first})"),
+                    n => format!("{subject}{words} ({first} and {} more)", n - MOST_NAMED),
+                }
+            }
         };
         match note.is_warning() {
             true => problems.warn(line),
@@ -728,7 +739,12 @@ pub fn tiles_of(
         Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
     let points = progress.points.into_inner();
     let unit = Some(metre);
-    let hull = Hull::of(&places).map_or_else(|| Hull::from(&bounds), |hull| hull.stretched(&bounds));
+    let hull = match Hull::of(&places) {
+        Some(hull) if selection.is_all() => hull.stretched(&bounds),
+        // Some of them lie where they do.
+        Some(hull) => hull,
+        None => Hull::from(&bounds),
+    };
     let about = About {
         subject: String::new(),
         bounds,

@@ -104,6 +104,7 @@ impl Viewer {
             state: self.state(going_on, &status),
             refused: self.data.refused(),
             is_empty: self.data.is_empty(),
+            surface: self.data.options().surface,
         };
         self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
         let notice = self.notice.as_ref().map(|(words, _)| &words[..]);
@@ -168,6 +169,9 @@ impl Viewer {
         }
         if let Some(request) = requests.file {
             self.do_with_file(options, request)?;
+        }
+        if let Some(surface) = requests.surface {
+            self.show_as(surface)?;
         }
         if let Some(place) = requests.go_to
             && self.navigation.go_to(place, (&self.data, &self.settings, &self.canvas))

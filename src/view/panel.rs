@@ -16,6 +16,7 @@ use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, weak};
 use crate::attribute::{Channel, ColorMode, ColorTable, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
+use crate::section::Surface;
 use crate::text::{harmless, tidy};
 use egui::{
     Align, Align2, Button, Color32, FontId, Layout, Margin, Pos2, RichText, ScrollArea, Sense, Slider,
@@ -80,6 +81,8 @@ pub struct PanelContent<'a> {
     pub refused: &'a [Refused],
     /// Nothing is open.
     pub is_empty: bool,
+    /// What the points stand for.
+    pub surface: Surface,
 }
 
 /// What the user asks for.
@@ -91,6 +94,8 @@ pub struct PanelRequests {
     pub go_to: Option<(f64, f64, Option<f64>)>,
     /// What to open.
     pub open: Option<OpenRequest>,
+    /// What the points are to stand for.
+    pub surface: Option<Surface>,
     /// Where parts in sight lie that can be clicked, by their names, points.
     pub places: Vec<(String, Pos2)>,
     /// Where the list of keys lies, and whether all of it is in sight.
@@ -321,6 +326,8 @@ impl Panel {
                 settings.shade = if is_lit { Shade::Lit } else { Shade::None };
             }
             ui.checkbox(&mut settings.visibility.withheld, "Withheld points");
+            let surface = surface(ui, content.surface, !content.status.is_opening, &mut requests.places);
+            requests.surface = (surface != content.surface).then_some(surface);
         });
         part(ui, "Files", true, |ui| {
             let files = content.about.map_or(&[][..], |about| &about.files);
@@ -345,6 +352,27 @@ impl Panel {
             });
         }
     }
+}
+
+/// What the points stand for, and what was chosen; `can_change`: it may be.
+fn surface(ui: &mut Ui, now: Surface, can_change: bool, places: &mut Vec<(String, Pos2)>) -> Surface {
+    let mut chosen = now;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 2.0;
+        ui.label(weak("surface "));
+        ui.add_enabled_ui(can_change, |ui| {
+            for (surface, words, hint) in [
+                (Surface::Columns, "Columns", "each cell is solid from its highest point down"),
+                (Surface::Stacks, "Stacks", "what floats has air below it"),
+                (Surface::Smooth, "Smooth", "as stacks, and what is solid is a smooth surface close up"),
+            ] {
+                let choice = ui.selectable_value(&mut chosen, surface, words);
+                let choice = choice.on_hover_text(format!("{hint}; everything is read again"));
+                places.push((format!("surface {}", surface.name()), choice.rect.center()));
+            }
+        });
+    });
+    chosen
 }
 
 /// What lies under the cursor, or was clicked on.

@@ -131,7 +131,7 @@ fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     if settings.z_scale != 1.0 {
         options.push(("z-scale", OptionValue::Number(settings.z_scale)));
     }
-    if let Some(cell) = read.cell.or(is_other.then_some(about.cell.into())) {
+    if let Some(cell) = read.cell.or(data.shows_others().then_some(about.cell.into())) {
         options.push(("cell", text(cell.to_string())));
     }
     let is_moved = |file: &super::data::FileAbout| matches!(file.treatment, Treatment::Transformed { .. });

@@ -133,6 +133,21 @@ pub fn rereading(status: &DataStatus) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::SourceIds;
+
+    #[test]
+    fn what_was_typed_and_left_is_forgotten_but_for_what_is_wrong() {
+        let shown = |field: &mut Field| {
+            let mut value = SourceIds::default();
+            _ = egui::Context::default().run_ui(egui::RawInput::default(), |ui| {
+                field.show(ui, ["source id", "", ""], &mut value, &mut Vec::new());
+            });
+            (value.is_all(), field.text.clone())
+        };
+        let typed = || Some("7-".to_owned());
+        assert_eq!(shown(&mut Field { text: typed(), wrong: None }), (true, None));
+        assert_eq!(shown(&mut Field { text: typed(), wrong: typed() }), (true, typed()));
+    }
 
     #[test]
     fn what_is_read_again_is_told_while_it_is() {

@@ -352,7 +352,8 @@ fn places_far_apart_are_framed_and_said_to_be() {
         let sample = sample_made(&files, &SampleBudget::default());
         assert_eq!(sample.bounds.unwrap().size().x, 185_059.0);
         let [note] = &sample.notes[..] else { panic!("{:?}", sample.notes) };
-        assert!(!note.is_warning());
+        // The one of two files that is named.
+        assert_eq!((note.is_warning(), note.files()), (files.len() == 2, &[1][..files.len() - 1]));
         assert_eq!(
             note.words(None),
             "the data lies at places 184901 units apart: with all of it framed, each is small"

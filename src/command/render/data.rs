@@ -9,13 +9,13 @@ use crate::ingest::input::OpenInput;
 use crate::limits::LIMITS;
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::problems::Problems;
-use crate::resident::cut::Sight;
+use crate::resident::cut::{Shown, Sight};
 use crate::resident::live::{Live, Status};
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
 use crate::resident::visibility::why_hidden;
 use crate::section::slot::slot_bytes;
-use crate::section::{Columns, Payload};
+use crate::section::{Columns, Payload, PayloadKind};
 use crate::source::Reading;
 use std::path::Path;
 use std::time::Duration;
@@ -132,20 +132,36 @@ impl Filled {
     }
 }
 
-/// Reads and uploads what a picture needs, or until there is something to see.
+/// Cells of a sparse sample that all of the data is wide, from which on it is a picture of that.
+const SAMPLED_CELLS: f64 = 16.0;
+/// Points that are decoded, at most, for a first picture of data with a coarser sample.
+const FIRST_POINTS: u64 = 8_000_000;
+
+/// Whether there is something to see of data that is so many finest cells wide: all that its picture needs, or what stands in
+/// for it. Data of a few chunks has a sample of a few cells, much larger than itself; it is soon read.
+fn shows_something(live: &Live, scene: &Scene, width: f64) -> bool {
+    let is_slab = |(_, from): &Shown| {
+        let cells = width / f64::from(from.section.level).exp2();
+        from.kind == PayloadKind::Sample && cells < SAMPLED_CELLS
+    };
+    let has_read = || live.try_status(scene).is_some_and(|now| now.progress.points_read >= FIRST_POINTS);
+    live.has_sample() && !live.shown().is_empty() && (!live.shown().iter().any(is_slab) || has_read())
+}
+
+/// Reads and uploads what a picture needs, or until there is something to see of data that is so many finest cells wide.
 pub(super) fn fill(
     live: &mut Live,
     scene: &mut Scene,
     sight: &Sight,
     args: &Args,
-    wait: Wait,
+    (wait, width): (Wait, f64),
 ) -> anyhow::Result<Status> {
     let bar = load::bar(0, args.quiet, "reading {wide_bar} {human_pos}/{human_len} sections {eta}");
     loop {
         let tick = live.tick(scene, sight, LIMITS.fill_bytes)?;
         let enough = match wait {
             Wait::Complete => tick.complete,
-            Wait::None => tick.complete || live.has_sample() && !live.shown().is_empty(),
+            Wait::None => tick.complete || shows_something(live, scene, width),
         };
         if enough {
             if wait == Wait::Complete {

@@ -1,12 +1,12 @@
 //! Draws the images that the arguments ask for, and writes them with what stands beside them.
 
 use super::args::Args;
-use super::camera::{Asked, camera, framed};
+use super::camera::{Asked, camera, cropped, framed};
 use super::data::{Data, Filled};
 use super::drawing::Drawing;
 use super::film::{Film, draw_film};
 use super::ground::absolute;
-use super::report::{Summary, write_json};
+use super::report::{Drawn, Summary};
 use crate::attribute::ColorTable;
 use crate::command::UsageError;
 use crate::command::values::Ortho;
@@ -32,8 +32,13 @@ pub(super) struct Work<'a> {
     pub(super) legend: Option<&'a About>,
 }
 
-/// Draws the image that the arguments ask for, or all of its film.
-pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) -> anyhow::Result<()> {
+/// Draws the image that the arguments ask for, or all of its film; gives what those took that were drawn while data streams.
+pub(super) fn draw(
+    gpu: &Gpu,
+    data: Data,
+    work: &Work,
+    problems: &mut Problems,
+) -> anyhow::Result<Vec<Drawn>> {
     let Work { args, output, film, protected, legend } = *work;
     let (grid, about, content) = data.into_parts();
     let floor = about.floor(grid.cell());
@@ -84,7 +89,7 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         beside: String::new(),
         about: &about,
         selection: args.selection.selection(),
-        statuses: Vec::new(),
+        drawn: Vec::new(),
         renderer: Renderer::new(&filled.scene, grid, anchor)?,
         filled,
         view: View {
@@ -118,6 +123,11 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         }
     };
     check_sides(size, output)?;
+    // Who says where to look means a part.
+    let is_framed = film.is_none() && args.eye.is_none() && args.target.is_none();
+    if let Some(note) = cropped(&framed, &cameras[0], size).filter(|_| is_framed) {
+        drawing.problems.note(format!("{}: {note}", output.display()));
+    }
     let parallel = matches!(cameras[0].projection(), Projection::Orthographic { .. });
     let usual = if parallel { Background::White } else { Background::Sky };
     drawing.view = View { size, background: args.background.unwrap_or(usual), ..drawing.view };
@@ -136,15 +146,15 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         }
         None => drawing.image(&cameras[0], output)?,
     }
-    let Drawing { statuses, filled, selection, .. } = drawing;
+    let Drawing { drawn, filled, selection, .. } = drawing;
     side.iter().flat_map(|side| side.write(protected)).for_each(|line| problems.warn(line));
-    let resident = statuses.last().map_or(filled.sections, |status| status.resident);
-    let read = statuses.last().map_or(filled.points, |status| status.progress.points_seen);
+    let last = drawn.last().map(|drawn| &drawn.status);
+    let resident = last.map_or(filled.sections, |status| status.resident);
+    let read = last.map_or(filled.points, |status| status.progress.points_seen);
     let selected = match &filled.live {
         None => filled.selected.map(|selected| (selected, false)),
         Some(live) => Some(live.kinds()).map(|kinds| (kinds.all(), !kinds.is_exact)),
     };
-    write_json(args, statuses, protected)?;
     if !args.quiet {
         let summary = Summary {
             output,
@@ -160,7 +170,7 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         };
         eprintln!("{}", summary.line());
     }
-    Ok(())
+    Ok(drawn)
 }
 
 /// A picture that its format cannot hold is a wrong argument.

@@ -10,8 +10,17 @@ use crate::text::{harmless, tidy};
 use anyhow::Context;
 use std::path::Path;
 
+/// An image that was drawn while data streams, and what that took.
+#[derive(Debug, serde::Serialize)]
+pub(super) struct Drawn {
+    /// Its name.
+    pub(super) picture: String,
+    #[serde(flatten)]
+    pub(super) status: Status,
+}
+
 /// Writes what each image took where `--json` says.
-pub(super) fn write_json(args: &Args, all: Vec<Status>, protected: &Protected) -> anyhow::Result<()> {
+pub(super) fn write_json(args: &Args, all: Vec<Drawn>, protected: &Protected) -> anyhow::Result<()> {
     let Some(to) = &args.json else { return Ok(()) };
     let all: Vec<_> = all.into_iter().map(Signed::new).collect();
     let text = serde_json::to_string_pretty(&all).context("numbers as JSON")?;
