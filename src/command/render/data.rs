@@ -77,13 +77,21 @@ pub(super) struct Filled {
     pub(super) scene: Scene,
     /// Points in all files.
     pub(super) points: u64,
-    /// Those that take part, where all were read from the start.
-    pub(super) selected: Option<u64>,
+    /// Those that are in sections which are resident from the start.
+    selected: u64,
     /// Sections that are resident from the start.
     pub(super) sections: usize,
 }
 
 impl Filled {
+    /// Points that take part, and whether that is an estimate.
+    pub(super) fn taking_part(&self) -> (u64, bool) {
+        self.live
+            .as_ref()
+            .map(Live::kinds)
+            .map_or((self.selected, false), |kinds| (kinds.all(), !kinds.is_exact))
+    }
+
     /// Uploads what is in memory, or starts to read what is not. `exact`: pixels are specified
     /// exactly; `keeps_copies`: more than one image is drawn.
     pub(super) fn new(
@@ -113,7 +121,7 @@ impl Filled {
                 if let Some(why) = why_hidden(&scene.kinds(), &scene.visibility()) {
                     anyhow::bail!("nothing to draw: {why}");
                 }
-                Ok(Filled { scene, live: None, points, selected: Some(selected), sections: count })
+                Ok(Filled { scene, live: None, points, selected, sections: count })
             }
             Content::Live(inputs, core, reading) => {
                 let points = inputs.iter().map(|input| input.input.file.points()).sum();
@@ -126,7 +134,7 @@ impl Filled {
                 if let Some(cache) = args.cache() {
                     live.save_learned_to(cache);
                 }
-                Ok(Filled { scene, live: Some(live), points, selected: None, sections: 0 })
+                Ok(Filled { scene, live: Some(live), points, selected: 0, sections: 0 })
             }
         }
     }

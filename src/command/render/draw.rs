@@ -88,7 +88,6 @@ pub(super) fn draw(
         detail: args.detail.unwrap_or(if exact { 0.0 } else { 1.0 }),
         beside: String::new(),
         about: &about,
-        selection: args.selection.selection(),
         drawn: Vec::new(),
         renderer: Renderer::new(&filled.scene, grid, anchor)?,
         filled,
@@ -123,9 +122,7 @@ pub(super) fn draw(
         }
     };
     check_sides(size, output)?;
-    // Who says where to look means a part.
-    let is_framed = film.is_none() && args.eye.is_none() && args.target.is_none();
-    if let Some(note) = cropped(&framed, &cameras[0], size).filter(|_| is_framed) {
+    if let Some(note) = cropped(args, &framed, &cameras[0], size) {
         drawing.problems.note(format!("{}: {note}", output.display()));
     }
     let parallel = matches!(cameras[0].projection(), Projection::Orthographic { .. });
@@ -146,22 +143,18 @@ pub(super) fn draw(
         }
         None => drawing.image(&cameras[0], output)?,
     }
-    let Drawing { drawn, filled, selection, .. } = drawing;
+    let Drawing { drawn, filled, .. } = drawing;
     side.iter().flat_map(|side| side.write(protected)).for_each(|line| problems.warn(line));
     let last = drawn.last().map(|drawn| &drawn.status);
     let resident = last.map_or(filled.sections, |status| status.resident);
     let read = last.map_or(filled.points, |status| status.progress.points_seen);
-    let selected = match &filled.live {
-        None => filled.selected.map(|selected| (selected, false)),
-        Some(live) => Some(live.kinds()).map(|kinds| (kinds.all(), !kinds.is_exact)),
-    };
     if !args.quiet {
         let summary = Summary {
             output,
             images: film.map(|film| film.frames.len() as u64),
             size,
             points: [read, filled.points],
-            selected: selected.filter(|_| !selection.is_all()),
+            selected: (!args.selection.selection().is_all()).then(|| filled.taking_part()),
             sections: resident as u64,
             grid: &grid,
             unit: about.unit.as_ref(),

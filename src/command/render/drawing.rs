@@ -16,7 +16,6 @@ use crate::render::sight::sight;
 use crate::resident::live::Status;
 use crate::resident::table::Table;
 use crate::resident::visibility::why_hidden;
-use crate::source::Selection;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -36,8 +35,6 @@ pub(super) struct Drawing<'a> {
     pub(super) beside: String,
     /// What is known of the data.
     pub(super) about: &'a About,
-    /// Points that take part.
-    pub(super) selection: Selection,
     /// Each image that was drawn while data streams.
     pub(super) drawn: Vec<Drawn>,
     pub(super) protected: &'a Protected,
@@ -54,8 +51,9 @@ impl Drawing<'_> {
         let seen: Kinds = scene.kinds().union(&self.about.kinds).copied().collect();
         // Where every point was read, there are no others.
         let is_read = |status: &Status| status.progress.points_seen == status.progress.points;
-        if seen.is_empty() && !self.selection.is_all() && status.as_ref().is_some_and(is_read) {
-            return Err(LoadError::none_selected(&self.selection, &self.about.present).into());
+        let selection = self.args.selection.selection();
+        if seen.is_empty() && !selection.is_all() && status.as_ref().is_some_and(is_read) {
+            return Err(LoadError::none_selected(&selection, &self.about.present).into());
         }
         if let Some(why) = why_hidden(&seen, &scene.visibility()) {
             anyhow::bail!("nothing to draw: {why}");
