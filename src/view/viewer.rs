@@ -169,6 +169,7 @@ impl Viewer {
         let is_other = surface != self.data.options().surface;
         self.data.reopen(&self.gpu, self.view.inputs.clone(), &self.view.hidden, data)?;
         if is_other {
+            self.data.hold_uploads(true);
             let is_bridged = self.settings.visibility.bridge > 0;
             let (access, wake) = (self.data.scene().pool().access(), Arc::clone(&self.wake));
             self.pipelines = Pipelines::make(&self.gpu, access, surface, is_bridged, move || wake());
