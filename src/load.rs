@@ -12,7 +12,7 @@ use crate::ingest::budget::layer_bytes;
 use crate::ingest::input::{Input, OpenInput, SeenKinds};
 use crate::ingest::workers::{ReadProgress, read_all};
 use crate::problems::Problems;
-use crate::sample::{self, Asked, FileSample, Opened, RgbDepth};
+use crate::sample::{self, Asked, FileSample, Opened, Present, RgbDepth};
 use crate::section::{Columns, Surface};
 use crate::source::known::{Known, Told};
 use crate::source::lax::{self, LaxError};
@@ -59,8 +59,13 @@ pub enum LoadError {
     #[error("nothing to draw: {0}")]
     Nothing(&'static str),
     /// None of the points takes part.
-    #[error("nothing to draw: no point is selected ({0})")]
-    NoneSelected(String),
+    #[error("nothing to draw: no point is selected ({asked}){there}")]
+    NoneSelected {
+        /// Which were asked for.
+        asked: String,
+        /// What there is instead, as far as that is known.
+        there: String,
+    },
     /// More cells than the grid can count.
     #[error(
         "cell size {} is too small: {what} {} units would be {} cells, {most:.0} are possible",
@@ -113,6 +118,13 @@ pub enum LoadError {
     },
 }
 
+impl LoadError {
+    /// None of the points takes part that are selected so; `present`: what there is instead.
+    pub fn none_selected(selection: &Selection, present: &Present) -> LoadError {
+        LoadError::NoneSelected { asked: selection.words(), there: present.beside(selection) }
+    }
+}
+
 /// Everything about the data but the pixels.
 pub struct Loaded {
     /// The grid that the sections lie on.
@@ -121,10 +133,14 @@ pub struct Loaded {
     pub about: About,
     /// In key order.
     pub sections: Vec<(SectionKey, Columns)>,
-    /// Points binned.
+    /// Points read.
     pub points: u64,
+    /// Those of them that are in a section: all that take part, but for such as no cell or height can hold.
+    pub binned: u64,
 }
 
+/// Files that a line names, at most.
+const MOST_NAMED: usize = 3;
 /// Largest absolute cell index: beyond it, f64 no longer tells neighbours apart.
 const REACH_CELLS: f64 = 9e15;
 /// Widest extent in cells: far enough from the limit that strays near the data have cells too.
@@ -270,15 +286,30 @@ impl Opening {
     }
 }
 
-/// Opens `paths` and takes the opening sample.
-pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Opening, LoadError> {
-    open_and_tell(paths, options, problems, &mut Fates::new())
+impl Opening {
+    /// As if nothing certain had been asked for at first: what is framed is what is shown by default.
+    pub fn of_all(mut self) -> Opening {
+        for input in &mut self.inputs {
+            input.hull = input.hull_of_all.take().or(input.hull.take());
+        }
+        if let Some(outline) = self.about.outline_of_all.take() {
+            self.about.outline = outline;
+        }
+        self
+    }
 }
 
-/// The same; adds to `fates` what becomes of each file, even when this fails: then of those that it fails by.
+/// Opens `paths` and takes the opening sample.
+pub fn open(paths: &[PathBuf], options: &LoadOptions, problems: &mut Problems) -> Result<Opening, LoadError> {
+    open_and_tell(paths, options, true, problems, &mut Fates::new())
+}
+
+/// The same; adds to `fates` what becomes of each file, even when this fails: then of those that it fails by. `needs_points`: it
+/// fails where none of the points takes part.
 pub fn open_and_tell(
     paths: &[PathBuf],
     options: &LoadOptions,
+    needs_points: bool,
     problems: &mut Problems,
     fates: &mut Fates,
 ) -> Result<Opening, LoadError> {
@@ -295,9 +326,12 @@ pub fn open_and_tell(
         sample::take(&opened, &options.placement, &options.asked, &sample::SampleBudget::default());
     say_notes(&sample, &opened, &subject, problems);
     let selection = &options.asked.selection;
-    if sample.whole && sample.selected == 0 && sample.points > 0 && !selection.is_all() {
-        return Err(none_selected(&opened, &sample.world.treatments, selection, fates, problems));
+    let is_none = sample.whole && sample.selected == 0 && sample.points > 0 && !selection.is_all();
+    if is_none && needs_points {
+        none_selected(&opened, &sample.world.treatments, selection, fates, problems);
+        return Err(LoadError::none_selected(selection, &sample.present));
     }
+    sample.present.doubts(selection).iter().for_each(|doubt| problems.note(format!("{subject}{doubt}")));
     let Some(bounds) = sample.bounds else {
         none_shown(&opened, &sample.world.treatments, fates);
         let mut errors: Vec<_> = sample.problems.iter().map(|(_, error)| error.to_string()).collect();
@@ -389,6 +423,7 @@ pub fn open_and_tell(
         outline_of_all: sample.shape_of_all.map(outline),
         summary: sample.attributes,
         kinds: sample.kinds,
+        present: sample.present,
         color: sample.color,
         crs: sample.world.crs,
         unit: sample.world.unit,
@@ -438,7 +473,16 @@ fn say_notes(sample: &sample::Sample, opened: &[Opened], subject: &str, problems
         let words = note.words(sample.world.unit.as_ref());
         let line = match note.file() {
             Some(file) => format!("{}: {words}", opened[file].file.path().display()),
-            None => format!("{subject}{words}"),
+            None => {
+                let names = note.files().iter().map(|&file| opened[file].file.path().display().to_string());
+                let names: Vec<String> = names.collect();
+                let first = names[..names.len().min(MOST_NAMED)].join(", ");
+                match names.len() {
+                    0 => format!("{subject}{words}"),
+                    1..=MOST_NAMED => format!("{subject}{words} ({first})"),
+                    n => format!("{subject}{words} ({first} and {} more)", n - MOST_NAMED),
+                }
+            }
         };
         match note.is_warning() {
             true => problems.warn(line),
@@ -462,14 +506,14 @@ fn say_warnings(opened: &[Opened], problems: &mut Problems) {
     }
 }
 
-/// Why nothing is drawn where no point of any file takes part; what files lack that is asked for is said.
+/// What becomes of files where no point of any of them takes part; what they lack that is asked for is said.
 fn none_selected(
     opened: &[Opened],
     treatments: &[Treatment],
     selection: &Selection,
     fates: &mut Fates,
     problems: &mut Problems,
-) -> LoadError {
+) {
     none_shown(opened, treatments, fates);
     let reading = Reading { selection: selection.clone(), ..Reading::default() };
     for file in opened.iter().map(|opened| &opened.file) {
@@ -477,7 +521,6 @@ fn none_selected(
             problems.warn(format!("{}: {words}", file.path().display()));
         }
     }
-    LoadError::NoneSelected(selection.words())
 }
 
 /// What becomes of files none of which has a point that could be shown.
@@ -601,7 +644,7 @@ impl ScanSample {
             }
             self.all_places.push(place);
             self.lines.insert(block.source_id[i]);
-            if selection.holds(block, i) && selection.heights.holds(place.z) {
+            if selection.holds(block, i) && selection.holds_height(place.z) {
                 self.places.push(place);
                 self.kinds.insert((block.class[i], Flags::of(block.flags[i])));
                 *self.source_ids.entry(block.source_id[i]).or_default() += 1;
@@ -738,13 +781,18 @@ pub fn tiles_of(
     let summary = summary();
     let ScanSample { kinds, places, .. } = sampled.into_inner().unwrap_or_else(PoisonError::into_inner);
     if places.is_empty() && !selection.is_all() {
-        return Err(LoadError::NoneSelected(selection.words()));
+        return Err(LoadError::none_selected(selection, &Present::default()));
     }
     let bounds =
         Bounds { min: flat.min.with_z(summary.height.min), max: flat.max.with_z(summary.height.max) };
     let points = progress.points.into_inner();
     let unit = Some(metre);
-    let hull = Hull::of(&places).map_or_else(|| Hull::from(&bounds), |hull| hull.stretched(&bounds));
+    let hull = match Hull::of(&places) {
+        Some(hull) if selection.is_all() => hull.stretched(&bounds),
+        // Some of them lie where they do.
+        Some(hull) => hull,
+        None => Hull::from(&bounds),
+    };
     let about = About {
         subject: String::new(),
         bounds,
@@ -752,6 +800,7 @@ pub fn tiles_of(
         outline_of_all: None,
         kinds,
         summary,
+        present: Present::default(),
         color: ColorMode::Rgb,
         crs: None,
         unit,
@@ -777,6 +826,8 @@ pub struct About {
     pub summary: AttributeSummary,
     /// Kinds of points that the sample has seen, hidden ones included.
     pub kinds: Kinds,
+    /// What there is of the values that selections go by, as far as was seen.
+    pub present: Present,
     /// What `--color auto` comes to.
     pub color: ColorMode,
     /// The data's coordinate system.
@@ -839,10 +890,15 @@ fn finish(
             about.subject
         ));
     }
+    let selection = &options.asked.selection;
+    if binned.sections.is_empty() && !selection.is_all() && binned.outside == 0 {
+        return Err(LoadError::none_selected(selection, &about.present));
+    }
     if binned.sections.is_empty() {
         return Err(LoadError::Nothing("no point is left"));
     }
-    Ok(Loaded { grid: binned.grid, about, sections: binned.sections, points })
+    let in_sections = binned.sections.iter().map(|(_, columns)| columns.points()).sum();
+    Ok(Loaded { grid: binned.grid, about, sections: binned.sections, points, binned: in_sections })
 }
 
 /// Runs `work` while a progress bar follows `progress`.

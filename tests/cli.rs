@@ -586,7 +586,7 @@ fn wrong_arguments() {
         (&["--z-unit", "cubit"], "unknown unit cubit"),
         (&["--color", "beige"], "'beige'"),
         (&["--returns", "second"], "'second'"),
-        (&["--source-id", "3,x"], "'x' is not a point source id: 3,7-9"),
+        (&["--source-id", "3,x"], "'x' is not a point source id, such as 3,7-9"),
         (&["--source-id", "9-3"], "9 is above 3"),
         (&["--source-id", "65536"], "65536 is out of range: point source ids are 0 to 65535"),
         (&["--intensity", "100,2000"], "'100,2000' is not a number; a range is 100..2000, 100.. or ..2000"),
@@ -608,6 +608,14 @@ fn wrong_arguments() {
         1,
         &["nothing to draw: no point is of a class that is shown"],
     ));
+    cases.push(
+        Case::arguments(
+            &["--ortho", "0.1", "--size", "16x9"],
+            0,
+            &["out/a.png: the picture is of a part of the data: all of it takes "],
+        )
+        .leaving(&["a.pgw", "a.png"]),
+    );
     cases.push(Case::arguments(
         &["--device-memory", "1"],
         1,
@@ -624,9 +632,12 @@ fn what_is_selected_is_drawn_or_said_to_be_nothing() {
         let nothing: [(&[&str], &str); 2] = [
             (
                 &["--source-id", "9,60000-60010", "--returns", "only"],
-                "nothing to draw: no point is selected (single returns, source id 9,60000-60010)",
+                "nothing to draw: no point is selected (single returns, source id 9,60000-60010); there is source id ",
             ),
-            (&["--heights", "1e6.."], "nothing to draw: no point is selected (heights 1000000..)"),
+            (
+                &["--heights", "1e6.."],
+                "nothing to draw: no point is selected (heights 1000000..); there is heights ",
+            ),
         ];
         let some: [(&[&str], &str); 3] = [
             (&["--returns", "first", "--intensity", "..2900"], "points read"),
@@ -660,6 +671,53 @@ fn what_is_selected_is_drawn_or_said_to_be_nothing() {
         }
     }
     try_all(cases);
+}
+
+/// More points than are read before a picture is begun: none of them is selected, or those that are are counted.
+#[test]
+fn what_is_selected_of_many_points_is_known_once_they_are_read() {
+    let case = |code, says: &[&'static str], more: &'static [&'static str]| {
+        Case::new(more.join(" "), code, says, move |folder| {
+            let mut made = Made::new(1, Packing::Plain, 2_000_100);
+            for (k, record) in made.records.chunks_mut(28).enumerate() {
+                let at = [(k % 2000) as i32, (k / 2000) as i32, 1000];
+                record[..12].copy_from_slice(&at.map(i32::to_le_bytes).concat());
+                record[14..16].copy_from_slice(&[0, 2]);
+                record[18..20].copy_from_slice(&u16::from(k >= 2_000_000).to_le_bytes());
+                record[20..28].copy_from_slice(&0f64.to_le_bytes());
+            }
+            made.header = Some(([0.5; 3], [0.0; 3]));
+            fs::write(folder.join("many.las"), made.bytes()).unwrap();
+            Some(words(["many.las", "--size", "64x36", "-o", "out/a.png"].iter().chain(more).copied()))
+        })
+    };
+    try_all(vec![
+        case(
+            1,
+            &["nothing to draw: no point is selected (heights 600..); a sample has heights 500..500"],
+            &["--heights", "600.."],
+        ),
+        case(1, &["no point is selected (heights 600..)"], &["--heights", "600..", "--shade", "none"]),
+        case(0, &["2000100 points read, 100 selected, ", "cells of 0.5 unit"], &["--source-id", "1"]),
+        case(
+            0,
+            &[
+                "many.las: no point of the sample has the number of its return",
+                "many.las: no point of the sample has a GPS time other than 0",
+                "2000100 points read, 2000100 selected, ",
+            ],
+            &["--returns", "last", "--gps-time", "..5"],
+        ),
+    ]);
+}
+
+/// A first picture of a file with few chunks shows points, not the few cells of a sample of one point a chunk.
+#[test]
+fn a_first_picture_shows_something() {
+    try_all(vec![Case::new("few chunks", 0, &["pixels, 300 points read, "], |folder| {
+        fs::write(folder.join("few.laz"), Made::new(1, Packing::Fixed(100), 300).bytes()).unwrap();
+        Some(words(["few.laz", "--wait", "none", "-o", "out/a.png"]))
+    })]);
 }
 
 /// A path of three frames and some that are none, with `more`.
@@ -927,6 +985,16 @@ fn paths() {
         path_case(2, &["cannot be used with"], &["--path", "view.json", "--each", "-o", "out/{stem}.png"]),
         path_case(2, &["cannot be used with"], &["--path", "view.json", "--fov", "30", "-o", "out/a.png"]),
         path_case(2, &["gone.json: cannot be read"], &["--path", "gone.json", "-o", "out/a.png"]),
+        path_case(
+            2,
+            &["good.las: a point cloud, not a camera path"],
+            &["--path", "good.las", "-o", "out/a.png"],
+        ),
+        path_case(
+            2,
+            &["view.json: it says where a camera is: lasray render --path view.json draws it"],
+            &["view.json", "-o", "out/a.png"],
+        ),
         path_case(
             2,
             &["typo.json: line 2, column 31: unknown field `eve`"],

@@ -335,7 +335,7 @@ fn a_user_looks_around() {
         ] {
             assert!(command.contains(option), "{option}: {command}");
         }
-        for option in ["--fov", "--color rgb", "--z-scale", "--cell"] {
+        for option in ["--fov", "--z-scale", "--cell"] {
             assert!(!command.contains(option), "what is chosen anyway: {option}: {command}");
         }
         window.key("ctrl+s");
@@ -1495,6 +1495,130 @@ fn colours_are_chosen_by_the_points_that_take_part_now() {
         assert_eq!(window.wait("color height-above-ground usual")[0], of_all);
         window.wait("settled");
         assert_eq!(heights(&mut window), all_heights);
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+/// A field of 60 x 40 from so far east on, a point a unit, all of one height and flight line.
+fn strip(path: &Path, east: f64, up: f64, line: u16) {
+    write(path, field([60.0, 40.0], 1.0, |_, _| Some((up, 2))).map(|([x, y, z], c)| ([x + east, y, z], c)));
+    let mut bytes = fs::read(path).unwrap();
+    let start = u32::from_le_bytes(bytes[96..100].try_into().unwrap()) as usize;
+    for record in bytes[start..].chunks_exact_mut(20) {
+        record[18..20].copy_from_slice(&line.to_le_bytes());
+    }
+    // At once, as far as a window that looks can tell.
+    let aside = path.with_extension("new");
+    fs::write(&aside, bytes).unwrap();
+    fs::rename(aside, path).unwrap();
+}
+
+/// What comes to a window is read as what it shows then, not as it was asked for at first.
+#[test]
+fn files_that_come_are_read_by_the_points_that_are_selected_then() {
+    let test = "files_that_come_are_read_by_the_points_that_are_selected_then";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        strip(&at("a.las"), 0.0, 10.0, 7);
+        strip(&at("b.las"), 60.0, 10.0, 8);
+        strip(&at("c.las"), 120.0, 10.0, 8);
+        let arguments = ["--size", "1200x860", "--source-id", "7", "a.las", "b.las"];
+        let mut window = Window::open(&display, folder.path(), &arguments);
+        window.wait("first frame");
+        window.focus();
+        let (before, _) = window.wait_all("settled");
+        assert!(before.iter().any(|line| line == "state 2400 of 4800 points selected"), "{before:#?}");
+        window.click("all points");
+        assert!(window.wait_all("reading ").1.starts_with("all points; "));
+        window.wait("settled");
+        let until = |state: &str| while window.wait_all("state ").1 != state {};
+        // Another line of it, higher.
+        strip(&at("b.las"), 60.0, 11.0, 9);
+        window.wait("settled");
+        window.ask_for("c.las");
+        until("7200 points");
+        window.wait("settled");
+        window.click("copy list");
+        let list: Vec<_> = (0..3).map(|_| window.wait_all("list ").1).collect();
+        assert!(list.iter().all(|line| !line.contains("not where it was")), "{list:?}");
+        // None of the one that comes is selected; it is there all the same.
+        window.click("points source id");
+        window.wait("typing points source id");
+        window.enter("9");
+        assert!(window.wait_all("reading ").1.starts_with("source id 9; "));
+        until("2400 of 7200 points selected");
+        window.wait("settled");
+        strip(&at("d.las"), 180.0, 10.0, 8);
+        window.ask_for("d.las");
+        until("2400 of 9600 points selected");
+        assert_eq!(window.end(), Some(0));
+    });
+}
+
+#[test]
+fn points_are_selected_by_what_is_typed_and_shown_as_another_surface() {
+    let test = "points_are_selected_by_what_is_typed_and_shown_as_another_surface";
+    common::run(test, LAVAPIPE, |_| {
+        let Some(display) = Display::open(test) else { return };
+        let folder = tempfile::tempdir().unwrap();
+        for (name, east, up, line) in [("a.las", 0.0, 10.0, 7), ("b.las", 60.0, 20.0, 8)] {
+            strip(&folder.path().join(name), east, up, line);
+        }
+        let arguments = ["--size", "1200x860", "--color", "class", "a.las", "b.las"];
+        let mut window = Window::open(&display, folder.path(), &arguments);
+        window.wait("first frame");
+        window.focus();
+        window.wait("settled");
+        window.click("part points");
+        window.wait("points heights");
+        let type_heights = |words: &str| {
+            window.click("points heights");
+            window.wait("typing points heights");
+            window.xdotool(&["key", "ctrl+a"]);
+            window.enter(words);
+        };
+        type_heights("15..");
+        assert_eq!(window.wait_all("reading ").1, "heights 15..; intensity");
+        let (before, _) = window.wait_all("settled");
+        assert!(before.iter().any(|line| line == "state 2400 of 4800 points selected"), "{before:#?}");
+        window.click("more modes");
+        window.wait("mode source-id");
+        window.click("mode source-id");
+        assert_eq!(window.wait_all("reading ").1, "heights 15..; source id");
+        window.wait("settled");
+        let shown = saved_picture(&window, folder.path(), 1);
+        window.key("ctrl+c");
+        let command = window.wait_all("command ").1;
+        assert!(command.contains(" --heights 15.. ") && command.contains(" --color source-id "), "{command}");
+        // That draws the same: cells and colours of what was open before.
+        let words: Vec<_> = command.split(' ').skip(1).chain(["--samples", "16", "--quiet"]).collect();
+        let (code, said) = run(folder.path(), &words);
+        assert_eq!((code, &*said), (Some(0), ""));
+        let drawn = rgb(&folder.path().join("view.png"));
+        assert!(difference(&shown, &drawn) < 4.0, "{}", difference(&shown, &drawn));
+
+        type_heights("500..600");
+        let why = window.wait_all("unselected ").1;
+        assert_eq!(why, "nothing to draw: no point is selected (heights 500..600); there is heights 10..20");
+        window.wait("settled");
+        window.click("all points");
+        assert_eq!(window.wait_all("reading ").1, "all points; source id");
+        window.wait("settled");
+        let stacks = saved_picture(&window, folder.path(), 2);
+        // The device's programs are others then.
+        let show_as = |window: &Window, surface: &str| {
+            window.click(&format!("surface {surface}"));
+            window.wait(&format!("surface {surface}"));
+            (window.wait("programs"), window.wait("settled"))
+        };
+        let (_, settled) = show_as(&window, "columns");
+        window.key("ctrl+c");
+        let command = window.wait_all("command ").1;
+        assert!(command.contains(" --surface columns") && command.contains("--color source-id"), "{command}");
+        assert_eq!(show_as(&window, "stacks").1[..5], settled[..5], "seen from where it was");
+        assert!(saved_picture(&window, folder.path(), 3) == stacks, "as it was");
         assert_eq!(window.end(), Some(0));
     });
 }

@@ -33,6 +33,11 @@ impl KindCounts {
         self.of.keys().fold(Flags::NONE, |all, (_, flags)| all.with(*flags))
     }
 
+    /// Points of any class.
+    pub fn all(&self) -> u64 {
+        self.of.values().sum()
+    }
+
     /// Kinds that occur.
     pub fn kinds(&self) -> Kinds {
         self.of.keys().copied().collect()

@@ -56,7 +56,7 @@ pub(super) struct SelectionArgs {
     /// Only points of these point source ids, as a rule flight lines: 3,7-9
     #[arg(long, visible_alias = "point-source-id", help_heading = "Points", value_name = "LIST")]
     source_id: Option<SourceIds>,
-    /// Only points of this intensity, as stored: 100..2000, 100.. or ..2000, both ends among them
+    /// Only points of this intensity, as stored: 100..2000, 100.. or ..2000, both ends among them; 100 is 100..100
     #[arg(long, allow_hyphen_values = true, help_heading = "Points", value_name = "LOW..HIGH")]
     intensity: Option<Interval>,
     /// Only points of these heights, in units of the picture: 120..200

@@ -428,6 +428,11 @@ impl Feed {
         self.inner.try_lock()?.builds.kinds(known)
     }
 
+    /// Points of each kind that take part. Waits as [`Feed::lock`] does.
+    pub fn kinds(&self) -> KindCounts {
+        self.inner.lock().builds.kinds(None).map(|(_, kinds)| kinds).unwrap_or_default()
+    }
+
     /// How far it is. Waits as [`Feed::lock`] does.
     pub fn progress(&self) -> Progress {
         self.inner.lock().builds.progress()

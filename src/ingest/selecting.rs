@@ -79,6 +79,6 @@ impl Selector {
             axis.resize(block.len(), 0.0);
         }
         meaning.world_of_many(block, 0, [&mut self.east, &mut self.north, &mut self.up]);
-        self.kept.retain(|&i| selection.heights.holds(self.up[i as usize]));
+        self.kept.retain(|&i| selection.holds_height(self.up[i as usize]));
     }
 }

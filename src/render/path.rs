@@ -8,7 +8,7 @@ use crate::output::Output;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
 /// Version of the format that is read and written.
@@ -126,6 +126,14 @@ pub enum PathError {
         path: PathBuf,
         /// Why.
         reason: io::Error,
+    },
+    /// Something else.
+    #[error("{path}: {what}, not a camera path")]
+    NoPath {
+        /// The file.
+        path: PathBuf,
+        /// What it is, with its article.
+        what: &'static str,
     },
     /// Not a path of this version.
     #[error("{path}: version is {version}: this program reads camera paths of version {VERSION}")]
@@ -356,8 +364,15 @@ impl CameraPath {
     /// Reads a file.
     pub fn read(path: &Path) -> Result<CameraPath, PathError> {
         let owned = || path.to_owned();
-        let text =
-            std::fs::read_to_string(path).map_err(|reason| PathError::Read { path: owned(), reason })?;
+        let failed = |reason| PathError::Read { path: owned(), reason };
+        let (mut file, mut bytes) = (std::fs::File::open(path).map_err(failed)?, Vec::new());
+        (&mut file).take(4).read_to_end(&mut bytes).map_err(failed)?;
+        if bytes == b"LASF" {
+            return Err(PathError::NoPath { path: owned(), what: "a point cloud" });
+        }
+        file.read_to_end(&mut bytes).map_err(failed)?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| PathError::NoPath { path: owned(), what: "a file without text" })?;
         // A later version may have fields that this one does not know.
         if let Ok(VersionText { version }) = serde_json::from_str(&text)
             && version != u64::from(VERSION)

@@ -226,6 +226,13 @@ mod tests {
     }
 
     #[test]
+    fn the_page_on_saved_views_lists_their_options() {
+        let page = include_str!("../../docs/camera-paths.md");
+        let listed = format!("without their dashes: `{}`.", OPTIONS.join("`, `"));
+        assert!(page.contains(&listed), "{listed}");
+    }
+
+    #[test]
     fn options_are_words_of_the_command_line_and_no_others() {
         let text = r#"{"inputs": ["a.las", {"path": "b"}],
             "options": {"hide": "3-5", "hide-flags": "overlap", "withheld": true, "mix-crs": false, "z-scale": 2, "assume-crs": ["1", "x=2"]}}"#;

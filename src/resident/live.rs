@@ -461,6 +461,11 @@ impl Live {
         self.feed.try_kinds(known)
     }
 
+    /// Points of each kind that take part. Waits for the threads' lock.
+    pub fn kinds(&self) -> KindCounts {
+        self.feed.kinds()
+    }
+
     fn status_with(&self, scene: &Scene, progress: Progress) -> Status {
         let missing = self.missing(scene);
         let wanted = self.demand.wanted().seen.len();

@@ -5,7 +5,7 @@
 pub struct SampleBudget {
     /// A set of this many points is read whole.
     pub whole: u64,
-    /// And of this many where certain classes are asked for: of rare ones a sample would tell little.
+    /// And of this many where certain classes or points are asked for: of rare ones a sample would tell little.
     pub whole_of_classes: u64,
     /// Places at which whole chunks are read.
     pub places: u64,

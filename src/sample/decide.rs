@@ -7,12 +7,13 @@ use super::frame::{self, FrameNote};
 use super::ground;
 use super::open::Opened;
 use super::places::{self, Place};
+use super::present::Present;
 use super::read::{read_firsts, read_places, rgb_of};
 use super::rgb::{self, RgbDepth};
 use super::seen::{Asked, Seen, hidden_by_default, unpack};
 use super::shapes::{Shape, Shapes};
 use super::summary::{Shown, counts, summarise, times};
-use super::weighted::Weighted;
+use super::weighted::{Part, Weighted};
 use crate::attribute::{AttributeSummary, ColorMode, Kind, Kinds, Scales, Spread};
 use crate::coords::{Bounds, Hull, LowSurface};
 use crate::source::known::Told;
@@ -103,6 +104,8 @@ pub struct Sample {
     pub classes: Box<[u64; 256]>,
     /// Kinds of points that take part and were seen, hidden ones included.
     pub kinds: Kinds,
+    /// What there is of the values that selections go by.
+    pub present: Present,
     /// Every point was looked at, and none could not be read.
     pub counted: bool,
     /// Where the points are that are shown by default, strays aside; `None` for no points.
@@ -137,28 +140,98 @@ impl Tally {
     }
 }
 
-/// Places, and the points of each.
-type SeenAt<'a> = (&'a Vec<Place>, &'a mut Vec<Vec<Seen>>);
+/// What is read beside the first points of chunks.
+struct Runs {
+    /// Everything.
+    whole: bool,
+    /// Runs of neighbouring points, and what was seen there.
+    places: Vec<Place>,
+    seen: Vec<Vec<Seen>>,
+    /// Beginnings of chunks; none where everything is read.
+    heads: Vec<Place>,
+    heads_seen: Vec<Vec<Seen>>,
+}
 
-/// Points take part only where they lie as high as asked for: first points of chunks, a file, and those of places.
-fn mark_heights(
-    files: &[Opened],
-    world: &World,
-    selection: &Selection,
-    (firsts, places): (&mut [Vec<Seen>], [SeenAt; 2]),
-) {
-    if selection.heights.is_all() {
-        return;
+impl Runs {
+    /// Reads all `points` of the files that are `drawn`, or some.
+    fn read(
+        (files, drawn, points): (&[Opened], &[usize], u64),
+        whole: bool,
+        selection: &Selection,
+        budget: &SampleBudget,
+        problems: &mut Vec<(usize, SourceError)>,
+    ) -> Runs {
+        let places = match whole {
+            true => places::every_place(files, drawn),
+            false => places::chosen_places(files, drawn, points, budget),
+        };
+        let seen = read_places(files, selection, &places, problems);
+        let heads = if whole { Vec::new() } else { places::heads(files, drawn, points, budget) };
+        // A chunk that is broken from its start is reported when it is drawn.
+        let heads_seen = read_places(files, selection, &heads, &mut Vec::new());
+        Runs { whole, places, seen, heads, heads_seen }
     }
-    let firsts = firsts.iter_mut().enumerate();
-    let of_places = places.into_iter().flat_map(|(places, seen)| places.iter().map(|at| at.file).zip(seen));
-    for (file, seen) in firsts.chain(of_places) {
-        let Some(placement) = &world.placements[file] else { continue };
-        for seen in seen {
-            let point = unpack(&files[file].file, seen.raw);
-            seen.is_selected &= selection.heights.holds(placement.place(point.x, point.y, point.z).z);
+
+    /// With what they are worth.
+    fn parts(&self) -> [Part<'_>; 2] {
+        [(&self.heads, &self.heads_seen, HEAD_WORTH), (&self.places, &self.seen, PLACE_WORTH)]
+    }
+
+    /// Points take part only where they lie as high as asked for: these, and first points of chunks, a file.
+    fn mark_heights(
+        &mut self,
+        files: &[Opened],
+        world: &World,
+        selection: &Selection,
+        firsts: &mut [Vec<Seen>],
+    ) {
+        if selection.heights.is_all() {
+            return;
+        }
+        let firsts = firsts.iter_mut().enumerate();
+        let of_places = [(&self.places, &mut self.seen), (&self.heads, &mut self.heads_seen)];
+        let of_places =
+            of_places.into_iter().flat_map(|(places, seen)| places.iter().map(|at| at.file).zip(seen));
+        for (file, seen) in firsts.chain(of_places) {
+            let Some(placement) = &world.placements[file] else { continue };
+            for seen in seen {
+                let point = unpack(&files[file].file, seen.raw);
+                seen.is_selected &= selection.holds_height(placement.place(point.x, point.y, point.z).z);
+            }
         }
     }
+}
+
+/// Which points of a sample count for the cell size and the frame, whatever is asked for: those that are shown by default.
+/// Where everything is noise, noise is what is measured.
+fn usual(sample: &Weighted) -> impl Fn(&Seen) -> bool + Sync + Copy + use<> {
+    let everything =
+        sample.points.iter().flatten().all(|(seen, _)| hidden_by_default(seen.class, seen.flags));
+    move |seen: &Seen| everything || !hidden_by_default(seen.class, seen.flags)
+}
+
+/// The cell size that the points of `runs` speak for that are shown by default: pictures of the same files have the same
+/// cells, whichever classes and points of them are asked for. `bounds`: a file.
+fn cell_of(
+    (files, drawn, budget): (&[Opened], &[usize], &SampleBudget),
+    firsts: &[Vec<Seen>],
+    runs: &Runs,
+    sample: &Weighted,
+    bounds: &[Option<Bounds>],
+) -> CellChoice {
+    let ground = ground::Ground {
+        files,
+        budget,
+        drawn,
+        firsts,
+        whole: runs.whole,
+        counts: &usual(sample),
+        place: &|file, seen| sample.place(file, seen),
+        bounds,
+    };
+    let patches = ground::patches(&runs.places, &runs.seen, &ground);
+    let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
+    cell::choose(&patches, finest.fold(f64::INFINITY, f64::min))
 }
 
 /// The points of a sample that are shown, but for such as lie far from the others of their file.
@@ -192,24 +265,21 @@ fn above(
     Spread::of(placed.map(|(at, weight)| (at.z - low.at(at.truncate()), weight)))
 }
 
-/// What codes mean, and what colours show where nothing is asked for: by all points that count. `density`: theirs, where it
-/// is known better than by the area that files cover; `whole`: every point was seen.
+/// What codes mean, and what colours show where nothing is asked for: by all points that count. `density`: theirs; `whole`: every point was seen.
 fn by_all(
     sample: &Weighted,
     (points, all): (&[Shown], &AttributeSummary),
-    bounds: &[Option<Bounds>],
     world: &World,
-    (density, whole): (Option<f64>, bool),
+    (density, whole): (f64, bool),
 ) -> (Scales, ColorMode) {
     let metre = world.unit.as_ref().map_or(1.0, |unit| unit.si.recip());
     let all_times = sample.points.iter().flatten().map(|(seen, weight)| (seen.gps_time, *weight));
-    let area = || frame::covered_area(&bounds.iter().flatten().copied().collect::<Vec<_>>());
     let scales = Scales {
         metre,
         times: times(all_times, whole),
         reach: Scales::reach_of(points.iter().map(|point| point.u), &all.height, metre),
         lines: all.source_ids.iter().map(|(id, _)| *id).collect(),
-        density: density.unwrap_or_else(|| all.points as f64 / area()),
+        density,
     };
     (scales, ColorMode::auto(all))
 }
@@ -225,16 +295,17 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
 
     let is_usual = *asked == Asked::default();
     let whole = points <= if is_usual { budget.whole } else { budget.whole_of_classes };
-    let places = match whole {
-        true => places::every_place(files, &drawn),
-        false => places::chosen_places(files, &drawn, points, budget),
-    };
-    let mut seen = read_places(files, selection, &places, &mut problems);
-    let heads = if whole { Vec::new() } else { places::heads(files, &drawn, points, budget) };
-    // A chunk that is broken from its start is reported when it is drawn.
-    let mut heads_seen = read_places(files, selection, &heads, &mut Vec::new());
-    let of_places = [(&places, &mut seen), (&heads, &mut heads_seen)];
-    mark_heights(files, &world, selection, (&mut firsts, of_places));
+    let set = (files, &*drawn, points);
+    let mut runs = Runs::read(set, whole, selection, budget, &mut problems);
+    runs.mark_heights(files, &world, selection, &mut firsts);
+    // Of a set that is read whole only for what is asked for, cells are those that they are with nothing asked for.
+    let cell_by_some = (whole && points > budget.whole).then(|| {
+        let some = Runs::read(set, false, selection, budget, &mut Vec::new());
+        let sample = Weighted::new(files, &world, false, &firsts, some.parts());
+        let bounds = |file| sample.framed(file, usual(&sample)).and_then(|framed| framed.bounds);
+        let bounds: Vec<_> = (0..files.len()).map(bounds).collect();
+        cell_of((files, &drawn, budget), &firsts, &some, &sample, &bounds)
+    });
     let in_nodes: Vec<bool> =
         (0..files.len()).map(|index| in_nodes(&files[index].file, &firsts[index])).collect();
     let contradicted: Vec<Option<Told>> = files
@@ -244,15 +315,11 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         .collect();
     // A set that is read whole has its first points among the others.
     let firsts = if whole { vec![Vec::new(); files.len()] } else { firsts };
-    let stored = rgb_of(files, &drawn, &firsts, &places, &seen, whole);
+    let stored = rgb_of(files, &drawn, &firsts, &runs.places, &runs.seen, whole);
     let rgb = rgb::decide(files, &stored);
 
-    let parts = [(&heads, &heads_seen, HEAD_WORTH), (&places, &seen, PLACE_WORTH)];
-    let sample = Weighted::new(files, &world, whole, &firsts, parts);
-    // Where everything is noise, noise is what is measured.
-    let everything =
-        sample.points.iter().flatten().all(|(seen, _)| hidden_by_default(seen.class, seen.flags));
-    let usual = |seen: &Seen| everything || !hidden_by_default(seen.class, seen.flags);
+    let sample = Weighted::new(files, &world, whole, &firsts, runs.parts());
+    let usual = usual(&sample);
     let is_asked = |seen: &Seen| seen.is_selected && asked.shows(seen.class, seen.flags);
     let is_there = sample.points.iter().flatten().any(|(seen, _)| is_asked(seen));
     let shown = |seen: &Seen| if is_there { is_asked(seen) } else { usual(seen) };
@@ -272,20 +339,8 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let Tally { kinds, classes, selected } = Tally::of(&sample);
     let of_shown = shown_points(&sample, framed, &rgb, shown);
     let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
-    let ground = ground::Ground {
-        selection,
-        files,
-        budget,
-        drawn: &drawn,
-        firsts: &firsts,
-        whole,
-        shown: &shown,
-        place: &|file, seen| sample.place(file, seen),
-        bounds: &bounds,
-    };
-    let patches = ground::patches(&places, &seen, &ground);
-    let finest = drawn.iter().map(|&index| files[index].file.header.scale.truncate().min_element());
-    let cell = cell::choose(&patches, finest.fold(f64::INFINITY, f64::min));
+    let cell =
+        cell_by_some.unwrap_or_else(|| cell_of((files, &drawn, budget), &firsts, &runs, &sample, &bounds));
     // Roofs alone are no ground: that is below all.
     let low = shape_of_all.as_ref().or(shape.as_ref()).map(|(_, low)| low);
     let above = low.map_or(Spread::default(), |low| above(low, &sample, framed, shown));
@@ -294,8 +349,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let others = (!is_usual).then(|| shown_points(&sample, framed, &rgb, usual));
     let of_others = others.as_ref().map(|others| summarise(others, has_rgb));
     let all = (others.as_ref().unwrap_or(&of_shown).as_slice(), of_others.as_ref().unwrap_or(&attributes));
-    let known = (is_usual.then_some(cell.density), whole);
-    let (scales, color) = by_all(&sample, all, &bounds, &world, known);
+    let (scales, color) = by_all(&sample, all, &world, (cell.density, whole));
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,
@@ -308,6 +362,7 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         color,
         classes: counts(&classes),
         kinds,
+        present: Present::of(&sample, usual, !whole),
         bounds: frame,
         shape,
         shape_of_all,

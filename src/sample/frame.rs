@@ -137,6 +137,7 @@ fn spot(points: &[(DVec3, f64)]) -> Option<DVec3> {
 }
 
 /// A gap between places.
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Gap {
     /// 0: it lies from west to east.
     axis: usize,
@@ -176,20 +177,24 @@ fn largest_gap(points: &[(DVec3, f64)], stray: f64) -> Option<Gap> {
     gaps.into_iter().flatten().max_by(|a, b| a.length.total_cmp(&b.length).then(b.axis.cmp(&a.axis)))
 }
 
-/// How far the files' boxes lie apart on the ground, where they lie at two places with a [`FAR`] gap between.
-pub fn apart(boxes: &[Bounds]) -> Option<f64> {
+/// The gap between the files' boxes on the ground, where they lie at two places with a [`FAR`] one between.
+fn apart(boxes: &[Bounds]) -> Option<Gap> {
     let on_axis = |axis: usize| {
         let mut ends: Vec<[f64; 2]> = boxes.iter().map(|b| [b.min[axis], b.max[axis]]).collect();
         ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
         let first = ends.first()?[0];
-        let (mut end, mut longest) = (first, 0.0_f64);
+        let (mut end, mut longest) = (first, Gap { axis, length: 0.0, middle: first });
         for [from, to] in ends {
-            longest = longest.max(from - end);
+            if from - end > longest.length {
+                longest = Gap { axis, length: from - end, middle: 0.5 * (from + end) };
+            }
             end = end.max(to);
         }
-        (longest > FAR * (end - first - longest) && longest > 0.0).then_some(longest)
+        let length = longest.length;
+        (length > FAR * (end - first - length) && length > 0.0).then_some(longest)
     };
-    [on_axis(0), on_axis(1)].into_iter().flatten().reduce(f64::max)
+    let gaps = [on_axis(0), on_axis(1)];
+    gaps.into_iter().flatten().max_by(|a, b| a.length.total_cmp(&b.length).then(b.axis.cmp(&a.axis)))
 }
 
 /// A header that begins at 0, 0, far from all points that were seen: some points lie there that have no position.
@@ -257,6 +262,8 @@ pub enum FrameNote {
     },
     /// Two places are framed, far from each other.
     Apart {
+        /// Those at the one with fewer files; none: a file lies at both.
+        files: Vec<usize>,
         /// From one to the other, world units.
         distance: f64,
     },
@@ -271,9 +278,17 @@ impl FrameNote {
         }
     }
 
+    /// The files that it is about, where those are to be named behind it.
+    pub fn files(&self) -> &[usize] {
+        match self {
+            FrameNote::FarFiles { files, .. } | FrameNote::Apart { files, .. } => files,
+            FrameNote::LeftOut { .. } => &[],
+        }
+    }
+
     /// Whether something is wrong with the data.
     pub fn is_warning(&self) -> bool {
-        !matches!(self, FrameNote::Apart { .. })
+        !matches!(self, FrameNote::Apart { files, .. } if files.is_empty())
     }
 
     /// In words; `unit` is that of world coordinates.
@@ -309,7 +324,7 @@ impl FrameNote {
                     n => format!("{n} files with next to no points, {far} from the others, are not framed"),
                 }
             }
-            FrameNote::Apart { distance } => {
+            FrameNote::Apart { distance, .. } => {
                 format!(
                     "the data lies at places {} apart: with all of it framed, each is small",
                     far(*distance)
@@ -344,9 +359,18 @@ pub fn whole(
     }
     let framed = (0..boxes.len()).filter(|at| !far_off.contains(at));
     let (in_it, framed): (Vec<usize>, Vec<Bounds>) = framed.map(|at| boxes[at]).unzip();
-    let within = files.iter().filter_map(|framed| framed.apart);
-    if let Some(distance) = within.chain(apart(&framed)).reduce(f64::max) {
-        notes.push(FrameNote::Apart { distance });
+    let within = files.iter().filter_map(|framed| framed.apart).reduce(f64::max);
+    let between = apart(&framed);
+    match (within, between) {
+        (within, Some(gap)) if within.is_none_or(|distance| distance <= gap.length) => {
+            let is_low = |bounds: &Bounds| bounds.center()[gap.axis] < gap.middle;
+            let (low, high): (Vec<_>, Vec<_>) = in_it.iter().zip(&framed).partition(|(_, b)| is_low(b));
+            let fewer = if low.len() < high.len() { low } else { high };
+            let files = fewer.into_iter().map(|(file, _)| *file).collect();
+            notes.push(FrameNote::Apart { files, distance: gap.length });
+        }
+        (Some(distance), _) => notes.push(FrameNote::Apart { files: Vec::new(), distance }),
+        (None, _) => {}
     }
     (whole, in_it, notes)
 }
@@ -442,7 +466,7 @@ mod tests {
         assert_eq!(whole_bounds(&[(here, 1_000_000), (far, 500)]), (Some(here), vec![1]));
         assert_eq!(whole_bounds(&[(here, 1_000_000), (far, 100_000)]), (Some(here.union(far)), vec![]));
         assert_eq!(whole_bounds(&[]), (None, vec![]));
-        assert_eq!(apart(&[far, here]), Some(184_000.0));
+        assert_eq!(apart(&[far, here]).map(|gap| gap.length), Some(184_000.0));
         assert_eq!(apart(&[here, here]), None);
         assert_eq!(apart(&[]), None);
         let beside = bounds([6000.0, 0.0, 0.0], [7000.0, 1000.0, 1.0]);

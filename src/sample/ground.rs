@@ -9,11 +9,11 @@ use super::places::Place;
 use super::quantile::median;
 use super::seen::{Seen, append, unpack};
 use crate::coords::Bounds;
-use crate::source::{PointBlock, Reading, Selection};
+use crate::source::{Fields, PointBlock, Selection};
 use glam::{DVec2, DVec3};
 use std::collections::HashSet;
 
-/// The patches that the cell size is chosen from: different E, N of shown points at each place. A place
+/// The patches that the cell size is chosen from: different E, N of points that count at each place. A place
 /// of a set that is not read whole is one pass over its ground; how many there are follows from the ground
 /// that all points would cover at the places' density, and the ground that there is. Where there are
 /// several, their points may be thinned against each other, so chunks of the other passes are read too.
@@ -26,7 +26,7 @@ pub(super) fn patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> 
             patches.push(GroundPatch { points: Vec::new(), passes: 1.0 });
         }
         let patch = patches.last_mut().expect("pushed above");
-        for seen in seen.iter().filter(|seen| (ground.shown)(seen)) {
+        for seen in seen.iter().filter(|seen| (ground.counts)(seen)) {
             let raw = unpack(&ground.files[at.file].file, seen.raw);
             let inside = at.window.is_none_or(|[west, south, east, north]| {
                 (west..east).contains(&raw.x) && (south..north).contains(&raw.y)
@@ -98,18 +98,14 @@ pub(super) fn patches(places: &[Place], seen: &[Vec<Seen>], ground: &Ground) -> 
             let (_, (file, chunk)) = jobs[job];
             let lidar = &ground.files[file].file;
             let mut seen = Vec::new();
-            let selection = ground.selection;
-            decoder.set_fields(Reading { selection: selection.clone(), ..Reading::default() }.fields());
-            let sink = &mut |block: &PointBlock| append(block, selection, &mut seen);
+            decoder.set_fields(Fields::default());
+            let sink = &mut |block: &PointBlock| append(block, &Selection::default(), &mut seen);
             // A broken chunk is reported when it is drawn; here it only tells less.
             let _ = decoder.decode(lidar, &lidar.chunks[chunk], 0..ground.budget.place_points, sink);
             lidar.bytes.release();
-            let shown = seen.iter().filter(|seen| (ground.shown)(seen));
-            let points = shown.map(|seen| (ground.place)(file, seen));
-            let points =
-                points.filter(|point| selection.heights.is_all() || selection.heights.holds(point.z));
-            let points = points.map(|point| [point.x, point.y]);
-            points.collect::<Vec<_>>()
+            let points = seen.iter().filter(|seen| (ground.counts)(seen));
+            let points = points.map(|seen| (ground.place)(file, seen));
+            points.map(|point| [point.x, point.y]).collect::<Vec<_>>()
         });
         for ((index, _), points) in jobs.into_iter().zip(read) {
             if is_open(&windows[index]) {
@@ -196,8 +192,6 @@ fn distance_to_box(point: DVec2, bounds: Bounds) -> f64 {
 
 /// What [`patches`] must know.
 pub(super) struct Ground<'a> {
-    /// Points that take part at all.
-    pub selection: &'a Selection,
     pub files: &'a [Opened],
     pub budget: &'a SampleBudget,
     /// Files that are drawn.
@@ -206,7 +200,8 @@ pub(super) struct Ground<'a> {
     pub firsts: &'a [Vec<Seen>],
     /// The places are all there is.
     pub whole: bool,
-    pub shown: &'a (dyn Fn(&Seen) -> bool + Sync),
+    /// Whether a point counts.
+    pub counts: &'a (dyn Fn(&Seen) -> bool + Sync),
     /// World coordinates of a point of a file.
     pub place: &'a (dyn Fn(usize, &Seen) -> DVec3 + Sync),
     /// A file; none where there are no points.

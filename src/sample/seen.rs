@@ -4,7 +4,7 @@ use crate::attribute::{ClassMask, Flags, Kind};
 use crate::source::{LidarFile, PointBlock, Selection};
 use glam::DVec3;
 
-/// What of the points is to be shown at first: cell size, ranges of colours and framing are chosen from that.
+/// What of the points is to be shown at first: ranges of colours and framing are chosen from that, the cell size is not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Asked {
     /// Classes; by default all but noise.

@@ -136,7 +136,8 @@ impl std::str::FromStr for SourceIds {
     fn from_str(text: &str) -> Result<SourceIds, String> {
         let id = |text: &str| {
             let text = text.trim();
-            let value: u64 = text.parse().map_err(|_| format!("'{text}' is not a point source id: 3,7-9"))?;
+            let value: u64 =
+                text.parse().map_err(|_| format!("'{text}' is not a point source id, such as 3,7-9"))?;
             u16::try_from(value)
                 .map_err(|_| format!("{value} is out of range: point source ids are 0 to 65535"))
         };
@@ -150,6 +151,12 @@ impl std::str::FromStr for SourceIds {
             }
         };
         Ok(SourceIds::of(text.split(',').map(run).collect::<Result<_, _>>()?))
+    }
+}
+
+impl FromIterator<u16> for SourceIds {
+    fn from_iter<T: IntoIterator<Item = u16>>(ids: T) -> SourceIds {
+        SourceIds::of(ids.into_iter().map(|id| [id; 2]).collect())
     }
 }
 
@@ -215,6 +222,12 @@ impl Selection {
                 || block.source_id.get(i).is_some_and(|&id| self.source_ids.holds(id)))
             && (self.gps_time.is_all()
                 || block.gps_time.get(i).is_some_and(|&time| self.gps_time.holds(time)))
+    }
+
+    /// Whether points that lie at `up` take part, as far as that depends on it. A height that is no number is in no interval.
+    #[inline]
+    pub fn holds_height(&self, up: f64) -> bool {
+        self.heights.is_all() || self.heights.holds(up)
     }
 
     /// As options of a command line: names and values.

@@ -137,11 +137,11 @@ fn more_words(mode: ColorMode) -> &'static str {
 /// Point source ids that are listed, those with most points.
 const MOST_SOURCES: usize = 12;
 
-/// The part. `places`: where what can be clicked lies, by names.
+/// The part. `colors`: those in use, with what they were made for; `places`: where what can be clicked lies, by names.
 pub fn show(
     ui: &mut Ui,
     settings: &mut Settings,
-    (about, colors): (Option<&DataAbout>, Option<&ColorTable>),
+    (about, colors): (Option<&DataAbout>, Option<(ColorMode, &ColorTable)>),
     places: &mut Vec<(String, Pos2)>,
 ) {
     let unit = about.and_then(|about| about.unit.as_ref()).map_or("", |u| u.symbol());
@@ -173,7 +173,12 @@ pub fn show(
     if MORE_MODES.contains(&settings.color) {
         ui.label(more_words(settings.color));
     }
-    let Some(table) = colors else { return };
+    let Some((made_for, table)) = colors else { return };
+    // Until the points are read again.
+    let is_before = made_for != settings.color;
+    if is_before {
+        ui.label(weak(format!("until the points are read again: {}", made_for.name())));
+    }
     if let Some(constant) = &table.constant {
         ui.label(weak(constant));
         return;
@@ -186,7 +191,7 @@ pub fn show(
                 None => String::new(),
             };
             legend(ui, table, range, &unit);
-            if let Some(scale) = settings.scale_mut() {
+            if let Some(scale) = settings.scale_mut().filter(|_| !is_before) {
                 choices(ui, scale, (range, about.and_then(|about| mode.spread(&about.summary))), places);
             }
             if let Some(channel) = table.channel.filter(Channel::knows_none) {

@@ -231,6 +231,10 @@ pub struct DataStatus {
     pub hidden: Option<String>,
     /// Flags whose points are hidden.
     pub hidden_flags: Flags,
+    /// Why nothing is seen of what there is: none of the points takes part.
+    pub unselected: Option<String>,
+    /// Not all points take part: [`DataStatus::kinds`] are those that do.
+    pub is_selection: bool,
     /// What is read again, where other points take part than before or something else of them is stored.
     pub rereading: Option<String>,
 }
@@ -647,6 +651,7 @@ impl Data {
             known.outline_of_all = Some(of_all(known).joined(&of_all(more)));
         }
         known.outline = known.outline.joined(&more.outline);
+        known.present.join(&more.present);
         if more.summary.colored > 0 {
             // Ranges stay those of the opening sample; that there are colours does not.
             known.summary.has_rgb = true;
@@ -976,6 +981,8 @@ impl Data {
             self.open_aside(paths, Vec::new(), Purpose::Ranges);
         }
         self.is_complete = false;
+        let doubts = self.about.iter().flat_map(|about| about.present.doubts(&self.reading.selection));
+        self.notices.extend(doubts);
         let lines = self.about.iter().flat_map(|about| &about.files).filter(|file| !file.is_removed);
         let lines = lines.filter_map(|file| {
             let words = self.reading.lacks(file.format)?;
@@ -1041,10 +1048,9 @@ impl Data {
         let is_of_known = purpose.is_of_known();
         let (send, opening) = crossbeam_channel::bounded(1);
         let (options, wake) = (self.options.clone(), Arc::clone(&self.wake));
-        let selection = match purpose {
-            Purpose::Ranges => self.reading.selection.clone(),
-            _ => options.selection.clone(),
-        };
+        // What comes to what is shown is read as that is.
+        let selection = if is_of_world { &self.reading.selection } else { &options.selection }.clone();
+        let is_first = selection == options.selection;
         std::thread::spawn(move || {
             let (mut problems, mut fates) = (Problems::default(), Fates::new());
             let mut found = inputs::expand(&inputs);
@@ -1073,8 +1079,11 @@ impl Data {
             };
             let opening = match is_known {
                 true => Err(LoadError::Nothing("all of it is open already")),
-                false => load::open_and_tell(&found.files, &options, &mut problems, &mut fates),
+                // Another selection may take some of what comes.
+                false => load::open_and_tell(&found.files, &options, !is_of_world, &mut problems, &mut fates),
             };
+            // Of what was asked for at first nothing is known then.
+            let opening = opening.map(|opening| if is_first { opening } else { opening.of_all() });
             // The window may be gone.
             let _ = send.send(Opened { opening, problems, given, fates, refused });
             wake();
@@ -1087,13 +1096,23 @@ impl Data {
         self.is_complete || self.failed.is_some()
     }
 
+    /// What is known of the data, once all is there and nothing is seen of it.
+    fn about_nothing(&self) -> Option<&DataAbout> {
+        let is_nothing = self.is_complete && self.pending.is_empty() && self.scene().shows_nothing();
+        self.about.as_ref().filter(|_| is_nothing)
+    }
+
+    /// Why nothing is seen, once all is there: none of the points takes part.
+    fn why_unselected(&self) -> Option<String> {
+        let about = self.about_nothing()?;
+        let selection = &self.reading.selection;
+        let is_none = !selection.is_all() && self.kinds_version.is_some() && self.kinds.of.is_empty();
+        is_none.then(|| LoadError::none_selected(selection, &about.present).to_string())
+    }
+
     /// Why nothing is seen, once all is there: every point is hidden.
     fn why_hidden(&self) -> Option<String> {
-        let about = self.about.as_ref().filter(|_| self.is_complete && self.pending.is_empty())?;
-        let scene = self.scene();
-        if !scene.shows_nothing() {
-            return None;
-        }
+        let (about, scene) = (self.about_nothing()?, self.scene());
         // Of the files that are shown.
         let kinds = match self.kinds_version {
             None => about.kinds.clone(),
@@ -1133,6 +1152,8 @@ impl Data {
             failed: self.failed.clone(),
             hidden: self.why_hidden(),
             hidden_flags: self.scene().visibility().hidden_flags,
+            unselected: self.why_unselected(),
+            is_selection: !self.reading.selection.is_all(),
             rereading: self.rereading.clone(),
         }
     }

@@ -213,6 +213,9 @@ impl Viewer {
         let going_on = State::of(&status, self.data.scene().shows_nothing());
         self.log.line(format_args!("state {}", going_on.in_short(&status, None)));
         self.log.line(format_args!("points {}", state::logged_counts(&status)));
+        if let Some(why) = &status.unselected {
+            self.log.line(format_args!("unselected {why}"));
+        }
         if let Some(why) = &status.hidden {
             self.log.line(format_args!("hidden {why}"));
         }

@@ -96,7 +96,7 @@ impl Viewer {
         let content = PanelContent {
             about: self.data.about(),
             status: &status,
-            colors: self.canvas.colors().map(|(_, table)| table),
+            colors: self.canvas.colors().map(|(choice, table)| (choice.mode(), table)),
             times: &self.timing.times,
             point: kept.or(self.under_cursor()),
             is_kept: kept.is_some(),
@@ -104,6 +104,7 @@ impl Viewer {
             state: self.state(going_on, &status),
             refused: self.data.refused(),
             is_empty: self.data.is_empty(),
+            surface: self.data.options().surface,
         };
         self.notice = self.notice.take().filter(|(_, end)| *end > Instant::now());
         let notice = self.notice.as_ref().map(|(words, _)| &words[..]);
@@ -169,6 +170,9 @@ impl Viewer {
         if let Some(request) = requests.file {
             self.do_with_file(options, request)?;
         }
+        if let Some(surface) = requests.surface {
+            self.show_as(surface)?;
+        }
         if let Some(place) = requests.go_to
             && self.navigation.go_to(place, (&self.data, &self.settings, &self.canvas))
         {
@@ -192,14 +196,17 @@ impl Viewer {
 
 /// Where nothing is seen of the data: why, and how much of that is done.
 fn progress(painter: &Painter, rect: Rect, words: String, share: Option<f64>) {
-    let galley = painter.layout_no_wrap(words, FontId::proportional(14.0), Color32::WHITE);
-    let size = egui::vec2((galley.size().x + 40.0).max(260.0), if share.is_some() { 54.0 } else { 40.0 });
+    let room = (rect.width() - 80.0).max(200.0);
+    let galley = painter.layout(words, FontId::proportional(14.0), Color32::WHITE, room);
+    let high = galley.size().y + if share.is_some() { 38.0 } else { 24.0 };
+    let size = egui::vec2((galley.size().x + 40.0).max(260.0), high);
     let whole = Rect::from_center_size(rect.center(), size);
     painter.rect_filled(whole, 6.0, Color32::from_black_alpha(190));
-    let up = if share.is_some() { 10.0 } else { 0.0 };
+    let up = if share.is_some() { 7.0 } else { 0.0 };
     painter.galley(rect.center() - egui::vec2(0.0, up) - galley.size() / 2.0, galley, Color32::WHITE);
     if let Some(share) = share {
-        let line = Rect::from_center_size(rect.center() + egui::vec2(0.0, 12.0), egui::vec2(220.0, 4.0));
+        let below = whole.center_bottom() - egui::vec2(0.0, 15.0);
+        let line = Rect::from_center_size(below, egui::vec2(220.0, 4.0));
         painter.rect_filled(line, 2.0, Color32::from_white_alpha(40));
         let done = line.left() + line.width() * share.clamp(0.0, 1.0) as f32;
         painter.rect_filled(line.with_max_x(done), 2.0, Color32::from_rgb(86, 156, 214));

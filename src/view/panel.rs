@@ -13,9 +13,10 @@ use super::selection_part::SelectionPart;
 use super::settings::{BRIDGE, Settings};
 use super::state::State;
 use super::widgets::{ACCENT, LINE, TEXT, WARN, WEAK, weak};
-use crate::attribute::{Channel, ColorTable, Flags, class_color, class_name};
+use crate::attribute::{Channel, ColorMode, ColorTable, Flags, class_color, class_name};
 use crate::render::frame::Shade;
 use crate::render::screen::PickedPoint;
+use crate::section::Surface;
 use crate::text::{harmless, tidy};
 use egui::{
     Align, Align2, Button, Color32, FontId, Layout, Margin, Pos2, RichText, ScrollArea, Sense, Slider,
@@ -64,8 +65,8 @@ pub struct PanelContent<'a> {
     pub about: Option<&'a DataAbout>,
     /// Progress, memory, messages.
     pub status: &'a DataStatus,
-    /// The colours in use.
-    pub colors: Option<&'a ColorTable>,
+    /// The colours in use, with what they were made for.
+    pub colors: Option<(ColorMode, &'a ColorTable)>,
     /// Plots.
     pub times: &'a StageTimes,
     /// What was clicked on, else what lies under the cursor.
@@ -80,6 +81,8 @@ pub struct PanelContent<'a> {
     pub refused: &'a [Refused],
     /// Nothing is open.
     pub is_empty: bool,
+    /// What the points stand for.
+    pub surface: Surface,
 }
 
 /// What the user asks for.
@@ -91,6 +94,8 @@ pub struct PanelRequests {
     pub go_to: Option<(f64, f64, Option<f64>)>,
     /// What to open.
     pub open: Option<OpenRequest>,
+    /// What the points are to stand for.
+    pub surface: Option<Surface>,
     /// Where parts in sight lie that can be clicked, by their names, points.
     pub places: Vec<(String, Pos2)>,
     /// Where the list of keys lies, and whether all of it is in sight.
@@ -223,13 +228,20 @@ impl Default for Panel {
 }
 
 impl Panel {
+    /// Nothing is typed any more: something else is open.
+    pub fn forget(&mut self) {
+        (self.alone, self.points) = (Alone::default(), SelectionPart::default());
+    }
+
     /// Lays out everything but the image, which gets what is left of `ui`.
     pub fn show(&mut self, ui: &mut Ui, settings: &mut Settings, content: &PanelContent) -> PanelRequests {
         let mut requests = PanelRequests::default();
         let margin = Margin::symmetric(12, 3);
         let frame = egui::Frame::new().fill(GROUND).inner_margin(margin);
         egui::Panel::bottom("status").exact_size(26.0).frame(frame).show(ui, |ui| self.status(ui, content));
-        if self.is_open {
+        if !self.is_open {
+            self.points = SelectionPart::default();
+        } else {
             let frame = egui::Frame::new().fill(GROUND).inner_margin(Margin {
                 left: 12,
                 right: 4,
@@ -314,6 +326,8 @@ impl Panel {
                 settings.shade = if is_lit { Shade::Lit } else { Shade::None };
             }
             flags(ui, &mut settings.visibility.hidden_flags, content, &mut requests.places);
+            let surface = surface(ui, content.surface, !content.status.is_opening, &mut requests.places);
+            requests.surface = (surface != content.surface).then_some(surface);
         });
         part(ui, "Files", true, |ui| {
             let files = content.about.map_or(&[][..], |about| &about.files);
@@ -351,6 +365,27 @@ fn flags(ui: &mut Ui, hidden: &mut Flags, content: &PanelContent, places: &mut V
             *hidden = if is_shown { hidden.without(flag) } else { hidden.with(flag) };
         }
     }
+}
+
+/// What the points stand for, and what was chosen; `can_change`: it may be.
+fn surface(ui: &mut Ui, now: Surface, can_change: bool, places: &mut Vec<(String, Pos2)>) -> Surface {
+    let mut chosen = now;
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 2.0;
+        ui.label(weak("surface "));
+        ui.add_enabled_ui(can_change, |ui| {
+            for (surface, words, hint) in [
+                (Surface::Columns, "Columns", "each cell is solid from its highest point down"),
+                (Surface::Stacks, "Stacks", "what floats has air below it"),
+                (Surface::Smooth, "Smooth", "as stacks, and what is solid is a smooth surface close up"),
+            ] {
+                let choice = ui.selectable_value(&mut chosen, surface, words);
+                let choice = choice.on_hover_text(format!("{hint}; everything is read again"));
+                places.push((format!("surface {}", surface.name()), choice.rect.center()));
+            }
+        });
+    });
+    chosen
 }
 
 /// What lies under the cursor, or was clicked on.

@@ -106,8 +106,8 @@ fn classes(mask: ClassMask, present: &BTreeSet<u8>) -> Option<(&'static str, Str
 fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     let Seen { data, about, settings, size, .. } = seen;
     let read = data.options();
-    // What was chosen by the first files is said where others would choose it now.
-    let is_other = data.shows_others();
+    // What was chosen by the first files and points is said where others would choose it now.
+    let is_other = data.shows_others() || !data.is_first();
     let mut options = vec![("size", text(format!("{}x{}", size[0], size[1])))];
     if settings.color != about.color || is_other {
         options.push(("color", text(settings.color.name())));
@@ -131,7 +131,7 @@ fn options(seen: &Seen) -> Vec<(&'static str, OptionValue)> {
     if settings.z_scale != 1.0 {
         options.push(("z-scale", OptionValue::Number(settings.z_scale)));
     }
-    if let Some(cell) = read.cell.or(is_other.then_some(about.cell.into())) {
+    if let Some(cell) = read.cell.or(data.shows_others().then_some(about.cell.into())) {
         options.push(("cell", text(cell.to_string())));
     }
     let is_moved = |file: &super::data::FileAbout| matches!(file.treatment, Treatment::Transformed { .. });

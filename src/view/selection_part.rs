@@ -38,6 +38,9 @@ impl Field {
                 places.push((format!("points {name}"), edit.rect.center()));
                 if edit.has_focus() {
                     places.push((format!("typing points {name}"), edit.rect.center()));
+                } else if !edit.lost_focus() && self.wrong.is_none() {
+                    // The panel was closed while it was typed.
+                    self.text = None;
                 }
                 if edit.changed() {
                     self.text = Some(text.clone());
@@ -94,14 +97,14 @@ impl SelectionPart {
             }
         });
         let ends = "both ends among them; open: 100.. or ..2000";
-        let names = ["source id", "all: 3,7-9", "point source ids: flight lines, as a rule"];
+        let names = ["source id", "e.g. 3,7-9", "point source ids: flight lines, as a rule"];
         self.source_ids.show(ui, names, &mut selection.source_ids, places);
-        let names = ["intensity", "all: 100..2000", &format!("as stored, {ends}")];
+        let names = ["intensity", "e.g. 100..2000", &format!("as stored, {ends}")];
         self.intensity.show(ui, names, &mut selection.intensity, places);
-        let names = ["heights", "all: 120..200", &format!("{unit}, {ends}")];
+        let names = ["heights", "e.g. 120..200", &format!("{unit}, {ends}")];
         self.heights.show(ui, names, &mut selection.heights, places);
         if has_times || !selection.gps_time.is_all() {
-            let names = ["GPS time", "all: from..to", &format!("s, as stored, {ends}")];
+            let names = ["GPS time", "from..to", &format!("s, as stored, {ends}")];
             self.gps_time.show(ui, names, &mut selection.gps_time, places);
         }
         if !selection.is_all() {
@@ -130,6 +133,22 @@ pub fn rereading(status: &DataStatus) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::source::SourceIds;
+
+    #[test]
+    fn what_was_typed_and_left_is_forgotten_but_for_what_is_wrong() {
+        let shown = |field: &mut Field| {
+            let mut value = SourceIds::default();
+            let mut output = egui::Context::default().run_ui(egui::RawInput::default(), |ui| {
+                field.show(ui, ["source id", "", ""], &mut value, &mut Vec::new());
+            });
+            output.textures_delta.clear();
+            (value.is_all(), field.text.clone())
+        };
+        let typed = || Some("7-".to_owned());
+        assert_eq!(shown(&mut Field { text: typed(), wrong: None }), (true, None));
+        assert_eq!(shown(&mut Field { text: typed(), wrong: typed() }), (true, typed()));
+    }
 
     #[test]
     fn what_is_read_again_is_told_while_it_is() {

@@ -140,6 +140,11 @@ impl ColorChoice {
         self.mode.channel(&data.summary).is_some()
     }
 
+    /// What they show.
+    pub fn mode(&self) -> ColorMode {
+        self.mode
+    }
+
     /// That of the settings.
     pub fn of(settings: &Settings, data: Option<&DataAbout>) -> ColorChoice {
         let has_rgb = data.is_some_and(DataAbout::has_rgb);

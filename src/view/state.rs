@@ -22,6 +22,8 @@ pub enum State {
     Loading,
     /// Other classes are shown, section by section.
     Switching,
+    /// All is there, and none of the points takes part; [`DataStatus::unselected`] says why.
+    NoneSelected,
     /// All is there, and every point is hidden; [`DataStatus::hidden`] says why.
     AllHidden,
     /// All is there, and none of it is in sight.
@@ -42,6 +44,7 @@ impl State {
             _ if !status.is_complete && status.share_read < 1.0 => State::Reading(status.share_read),
             _ if !status.is_complete && status.is_switching => State::Switching,
             _ if !status.is_complete => State::Loading,
+            _ if status.unselected.is_some() => State::NoneSelected,
             _ if status.hidden.is_some() => State::AllHidden,
             _ if is_empty => State::OutOfSight,
             _ => State::Shown,
@@ -62,11 +65,12 @@ impl State {
             State::Reading(share) => format!("reading {:.0} %", (share * 100.0).floor()),
             State::Loading => "loading".to_owned(),
             State::Switching => "changing classes".to_owned(),
+            State::NoneSelected => "no point is selected".to_owned(),
             State::AllHidden => "every point is hidden".to_owned(),
             State::OutOfSight => "nothing in sight".to_owned(),
             State::Shown => match refining {
                 Some([samples, all]) => format!("refining {samples} of {all}"),
-                None => read(status),
+                None => taking_part(status),
             },
         }
     }
@@ -77,6 +81,7 @@ impl State {
         let words = |words: &str| Some((words.to_owned(), None));
         match self {
             State::Failed | State::Shown | State::Switching => None,
+            State::NoneSelected => Some((capital(status.unselected.as_deref().unwrap_or_default()), None)),
             State::AllHidden => {
                 let hidden = status.kinds.flags().and(status.hidden_flags);
                 let boxes = FLAGS.iter().filter(|(flag, _)| hidden.has_any(*flag));
@@ -103,6 +108,15 @@ impl State {
 fn capital(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// Points that take part, where not all do; else those that were read.
+fn taking_part(status: &DataStatus) -> String {
+    if !status.is_selection {
+        return read(status);
+    }
+    let about = if status.kinds.is_exact { "" } else { "~" };
+    format!("{about}{} of {} points selected", short(status.kinds.all()), short(status.points))
 }
 
 /// Points that were read, and of how many.
@@ -189,6 +203,11 @@ mod tests {
                 "every point is hidden",
                 Some("Every point is hidden: check classes, or “Withheld points”, “Overlap points”"),
             ),
+            (
+                DataStatus { unselected: why(), is_selection: true, ..all.clone() },
+                "no point is selected",
+                Some("Why"),
+            ),
             (DataStatus { failed: why(), ..all.clone() }, "failed", None),
             (DataStatus { failed: why(), hidden: why(), ..status([0, 0], false, true, 0.0) }, "failed", None),
             (all.clone(), "nothing in sight", Some("Nothing of the data is in sight: F frames it")),
@@ -199,6 +218,13 @@ mod tests {
         // With an image.
         assert_eq!(short(&all, false), "978 k points");
         assert_eq!(short(&DataStatus { points_read: 1000, ..all.clone() }, false), "1000 of 978 k points");
+        let kinds = |is_exact| KindCounts {
+            of: [((2, Flags::NONE), 1200), ((5, Flags::WITHHELD), 34)].into(),
+            is_exact,
+        };
+        let selected = |is_exact| DataStatus { is_selection: true, kinds: kinds(is_exact), ..all.clone() };
+        assert_eq!(short(&selected(true), false), "1234 of 978 k points selected");
+        assert_eq!(short(&selected(false), false), "~1234 of 978 k points selected");
         assert_eq!(State::of(&all, false).in_short(&all, Some([3, 16])), "refining 3 of 16");
         assert_eq!(State::of(&all, false).over_image(&all), None);
         // Whatever else is so: reading is told of nothing that is read.

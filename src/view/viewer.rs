@@ -1,7 +1,7 @@
 //! All that a window has: what is on the device, the toolkit, and the parts that decide what is seen and when.
 
 use super::canvas::Canvas;
-use super::data::Data;
+use super::data::{Data, ReadOptions};
 use super::flight::FlightProgress;
 use super::input::InputState;
 use super::log::EventLog;
@@ -17,10 +17,12 @@ use super::toolkit::Textures;
 use crate::attribute::{AttributeError, ColorMode};
 use crate::gpu::{DeviceKind, Gpu, Overlay, Swapchain, SyncPoint};
 use crate::limits::LIMITS;
+use crate::render::path::CameraPath;
+use crate::section::Surface;
 use crate::text::harmless;
 use anyhow::Context as _;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::event_loop::ActiveEventLoop;
@@ -149,7 +151,7 @@ impl Viewer {
     /// Opens what `view` says in the place of all that is open.
     pub fn reopen(&mut self, view: ViewOptions) -> anyhow::Result<()> {
         // What is not of the view, but of this machine, stays as it is.
-        let data = super::data::ReadOptions {
+        let data = ReadOptions {
             host_bytes: self.view.data.host_bytes,
             device_bytes: self.view.data.device_bytes,
             cache: self.view.data.cache.clone(),
@@ -161,11 +163,38 @@ impl Viewer {
         }
         self.canvas.clear();
         self.navigation.forget();
+        self.panel.forget();
         self.settings = settings_of(&self.view);
+        let surface = data.surface;
+        let is_other = surface != self.data.options().surface;
         self.data.reopen(&self.gpu, self.view.inputs.clone(), &self.view.hidden, data)?;
+        if is_other {
+            self.data.hold_uploads(true);
+            let is_bridged = self.settings.visibility.bridge > 0;
+            let (access, wake) = (self.data.scene().pool().access(), Arc::clone(&self.wake));
+            self.pipelines = Pipelines::make(&self.gpu, access, surface, is_bridged, move || wake());
+        }
         self.name_window(&self.view.inputs);
         self.log.line(format_args!("opened {} inputs", self.view.inputs.len()));
         self.window.request_redraw();
+        Ok(())
+    }
+
+    /// Opens what is open again, with its points standing for something else, and goes on as it is.
+    pub fn show_as(&mut self, surface: Surface) -> anyhow::Result<()> {
+        let camera = self
+            .data
+            .about()
+            .map(|about| CameraPath::view(&self.navigation.camera).placed(|v| about.base.unplace(v)));
+        let hidden: Vec<PathBuf> = self.data.hidden_files().map(Path::to_owned).collect();
+        let mut inputs = self.data.shown_inputs(false);
+        inputs.extend(hidden.iter().map(|path| path.clone().into_os_string()));
+        let (settings, color) = (self.settings.clone(), Some(self.settings.color));
+        let data = ReadOptions { surface, color, ..self.data.options().clone() };
+        let saved = camera.transpose()?;
+        self.log.line(format_args!("surface {}", surface.name()));
+        self.reopen(ViewOptions { inputs, hidden, data, color, saved, ..self.view.clone() })?;
+        self.settings = settings;
         Ok(())
     }
 

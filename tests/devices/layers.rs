@@ -68,7 +68,7 @@ fn shown(world: &World) -> HashSet<PayloadKey> {
 
 /// Whether rays look for what floats in a section.
 fn floats(world: &World, key: PayloadKey) -> bool {
-    world.scene.entries_for([(key.section, key)]).iter().any(|entry| entry.floats)
+    world.scene.entries_for([(key.section, key)]).iter().any(|entry| entry.floats.is_some())
 }
 
 /// Until other classes are shown everywhere.

@@ -2,11 +2,12 @@
 
 use crate::made::{Made, Packing};
 use crate::scene::real_files as data;
-use lasray::attribute::ColorMode;
-use lasray::sample::{self, CellChoice, GroundPatch, Opened, RgbDepth, Sample, SampleBudget};
+use lasray::attribute::{ClassMask, Flags, ColorMode};
+use lasray::sample::{self, Asked, CellChoice, GroundPatch, Opened, RgbDepth, Sample, SampleBudget};
 use lasray::source::inputs;
 use lasray::source::placement::PlacementOptions;
-use lasray::source::{Decoder, LidarFile};
+
+use lasray::source::{Decoder, LidarFile, Returns, Selection};
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
@@ -74,15 +75,11 @@ fn the_sampled_cell_size_is_that_of_every_point() {
             continue;
         }
         let start = std::time::Instant::now();
-        let usual = sample::take(
-            &files,
-            &PlacementOptions::default(),
-            &sample::Asked::default(),
-            &SampleBudget::default(),
-        );
+        let usual =
+            sample::take(&files, &PlacementOptions::default(), &Asked::default(), &SampleBudget::default());
         let time = start.elapsed();
         let full = full_choice(&files, &usual);
-        let thin = sample::take(&files, &PlacementOptions::default(), &sample::Asked::default(), &small);
+        let thin = sample::take(&files, &PlacementOptions::default(), &Asked::default(), &small);
         for (index, (label, sample)) in [("usual", &usual), ("small", &thin)].into_iter().enumerate() {
             if sample.whole {
                 assert_eq!(sample.cell, full, "{name}");
@@ -113,12 +110,8 @@ fn the_sampled_cell_size_is_that_of_every_point() {
 
 fn sample_of(data: &Path, name: &str) -> (Vec<Opened>, Sample) {
     let files = open(&inputs::expand([data.join(name)]).files);
-    let sample = sample::take(
-        &files,
-        &PlacementOptions::default(),
-        &sample::Asked::default(),
-        &SampleBudget::default(),
-    );
+    let sample =
+        sample::take(&files, &PlacementOptions::default(), &Asked::default(), &SampleBudget::default());
     (files, sample)
 }
 
@@ -156,12 +149,8 @@ fn frames_of_real_files() {
     let Some(data) = data() else { return };
     for (name, paths) in sets(&data) {
         let files = open(&paths);
-        let sample = sample::take(
-            &files,
-            &PlacementOptions::default(),
-            &sample::Asked::default(),
-            &SampleBudget::default(),
-        );
+        let sample =
+            sample::take(&files, &PlacementOptions::default(), &Asked::default(), &SampleBudget::default());
         let Some(bounds) = sample.bounds else { continue };
         let (mut inside, mut shown) = (0, 0);
         for (Opened { file, .. }, placement) in files.iter().zip(&sample.world.placements) {
@@ -226,6 +215,50 @@ fn percentiles_of_real_files() {
     }
 }
 
+/// What may be asked for beside everything.
+fn asked() -> Vec<Asked> {
+    let classes = |list: &[u8]| Asked { classes: ClassMask::only(list), ..Asked::default() };
+    let points = |selection| Asked { selection, ..Asked::default() };
+    let heights = |text: &str| Selection { heights: text.parse().unwrap(), ..Selection::default() };
+    vec![
+        classes(&[3, 4, 5]),
+        classes(&[14]),
+        Asked { hidden_flags: Flags::NONE, ..Asked::default() },
+        points(heights("50..60")),
+        points(heights("-1..3")),
+        points(heights("0.999..1.001")),
+        points(Selection { returns: Returns::First, ..heights("-1..3") }),
+        points(Selection { source_ids: "7".parse().unwrap(), ..Selection::default() }),
+    ]
+}
+
+#[test]
+fn cells_are_the_same_whatever_is_asked_for() {
+    let Some(data) = data() else { return };
+    let sets = ["urban/fusa.laz", "copc/fusa.copc.laz"];
+    // Read whole; in parts with nothing asked for; in parts.
+    let budgets = [250_000, 2_000].map(|whole| SampleBudget { whole, ..SampleBudget::default() });
+    let budgets = budgets.into_iter().chain([SampleBudget {
+        whole: 2_000,
+        whole_of_classes: 2_000,
+        ..SampleBudget::default()
+    }]);
+    let cells: Vec<f64> = sets
+        .iter()
+        .flat_map(|set| budgets.clone().map(move |budget| (set, budget)))
+        .map(|(set, budget)| {
+            let files = open(&inputs::expand([data.join(set)]).files);
+            let take = |asked: &Asked| sample::take(&files, &PlacementOptions::default(), asked, &budget);
+            let all = take(&Asked::default());
+            for asked in asked() {
+                assert_eq!(take(&asked).cell, all.cell, "{set} {budget:?} {asked:?}");
+            }
+            all.cell.cell
+        })
+        .collect();
+    assert_eq!(cells, [0.5; 6]);
+}
+
 #[test]
 fn the_order_of_the_inputs_changes_nothing() {
     let Some(data) = data() else { return };
@@ -239,7 +272,7 @@ fn the_order_of_the_inputs_changes_nothing() {
         let sample = sample::take(
             &open(files),
             &PlacementOptions::default(),
-            &sample::Asked::default(),
+            &Asked::default(),
             &SampleBudget::default(),
         );
         format!("{:?}", sample)
@@ -267,7 +300,7 @@ fn sample_made(files: &[Made], budget: &SampleBudget) -> Sample {
     }
     let files = open(&paths);
     assert_eq!(files.len(), paths.len());
-    sample::take(&files, &PlacementOptions::default(), &sample::Asked::default(), budget)
+    sample::take(&files, &PlacementOptions::default(), &Asked::default(), budget)
 }
 
 const CENTIMETRES: [f64; 3] = [0.01; 3];
@@ -319,7 +352,8 @@ fn places_far_apart_are_framed_and_said_to_be() {
         let sample = sample_made(&files, &SampleBudget::default());
         assert_eq!(sample.bounds.unwrap().size().x, 185_059.0);
         let [note] = &sample.notes[..] else { panic!("{:?}", sample.notes) };
-        assert!(!note.is_warning());
+        // The one of two files that is named.
+        assert_eq!((note.is_warning(), note.files()), (files.len() == 2, &[1][..files.len() - 1]));
         assert_eq!(
             note.words(None),
             "the data lies at places 184901 units apart: with all of it framed, each is small"

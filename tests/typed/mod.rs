@@ -695,3 +695,25 @@ fn info_says_which_numbers_are_estimates() {
     }
     assert_eq!(json("info small.las --json -")["all"]["classes_counted"], true);
 }
+
+/// What pictures took, of several files too, and files that lie far from each other.
+#[test]
+fn figures_of_each_picture_have_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    for (name, east) in [("a.las", 500.0), ("b.las", 560.0), ("c.las", 9_000_500.0)] {
+        fs::write(here.join(name), field([east, 700.0], projected(9001))).unwrap();
+    }
+    let (code, said, printed) = typed(here, "render a.las b.las --each --size 32x18 --json -");
+    assert_eq!(code, Some(0), "{said}");
+    let figures: serde_json::Value = serde_json::from_str(&printed).unwrap();
+    let pictures: Vec<_> = figures.as_array().unwrap().iter().map(|one| one["picture"].clone()).collect();
+    assert_eq!(pictures, ["a.png", "b.png"]);
+    assert!(figures.as_array().unwrap().iter().all(|one| one["points_seen"] == 7200), "{printed}");
+    let (code, said, printed) = typed(here, "render --demo --size 32x18 -o demo.png --json -");
+    assert_eq!((code, &*printed), (Some(0), "[]\n"), "{said}");
+
+    let said = done(here, "render a.las b.las c.las --size 32x18 -o far.png");
+    let far = "warning: the data lies at places 9000 km apart: with all of it framed, each is small (c.las)";
+    assert!(said.contains(far), "{said}");
+}

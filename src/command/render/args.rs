@@ -131,7 +131,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "complete", conflicts_with = "demo", help_heading = "Data")]
     pub(super) wait: Wait,
     /// Write what each picture took there, - for standard output: sections, bytes read, memory, detail
-    #[arg(long, conflicts_with_all = ["demo", "each"], help_heading = "Data", value_name = "FILE")]
+    #[arg(long, help_heading = "Data", value_name = "FILE")]
     pub(super) json: Option<Target>,
     /// Neither use nor keep what was learned of files, and compiled programs, in the user's cache folder
     #[arg(long, help_heading = "Data")]

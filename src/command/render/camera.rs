@@ -7,6 +7,7 @@ use crate::coords::{Bounds, Grid, Hull};
 use crate::load::About;
 use crate::render::camera::{Camera, CameraError, DEFAULT_ORBIT, Projection};
 use crate::render::frame::Shade;
+use crate::text::tidy;
 use glam::DVec3;
 
 /// Straight down: a map.
@@ -81,6 +82,23 @@ pub(super) fn camera(args: &Args, hull: &Hull, asked: &Asked) -> anyhow::Result<
         }
     };
     Ok((camera.map_err(usage)?, size))
+}
+
+/// What is to be said of a view in parallel, of so many pixels, that shows a part of `hull`; `None`: it shows all, or it was said
+/// where it looks.
+pub(super) fn cropped(args: &Args, hull: &Hull, camera: &Camera, size: [u32; 2]) -> Option<String> {
+    let is_framed = args.path.is_none() && args.eye.is_none() && args.target.is_none();
+    let Projection::Orthographic { units_per_pixel } = camera.projection() else { return None };
+    let needed = [camera.right(), camera.up()].map(|axis| hull.extent(axis) / units_per_pixel);
+    // A map's edges lie on multiples of a pixel.
+    let is_cropped = needed.iter().zip(size).any(|(needed, pixels)| *needed > f64::from(pixels) + 1.0);
+    let [width, height] = needed.map(|pixels| pixels.ceil());
+    (is_framed && is_cropped).then(|| {
+        format!(
+            "the picture is of a part of the data: all of it takes {width}x{height} pixels at {} units each",
+            tidy(units_per_pixel)
+        )
+    })
 }
 
 fn usage(error: CameraError) -> UsageError {

@@ -9,13 +9,13 @@ use crate::ingest::input::OpenInput;
 use crate::limits::LIMITS;
 use crate::load::{self, About, LoadError, LoadOptions, Loaded, Opening};
 use crate::problems::Problems;
-use crate::resident::cut::Sight;
+use crate::resident::cut::{Shown, Sight};
 use crate::resident::live::{Live, Status};
 use crate::resident::pool::Access;
 use crate::resident::scene::Scene;
 use crate::resident::visibility::why_hidden;
 use crate::section::slot::slot_bytes;
-use crate::section::{Columns, Payload};
+use crate::section::{Columns, Payload, PayloadKind};
 use crate::source::Reading;
 use std::path::Path;
 use std::time::Duration;
@@ -52,8 +52,8 @@ impl Data {
     /// Its grid, what is known of it, and the rest.
     pub(super) fn into_parts(self) -> (Grid, About, Content) {
         match self {
-            Data::Whole(Loaded { grid, about, sections, points }) => {
-                (grid, about, Content::Whole(sections, points))
+            Data::Whole(Loaded { grid, about, sections, points, binned }) => {
+                (grid, about, Content::Whole(sections, [points, binned]))
             }
             Data::Live(Opening { inputs, grid, core, about, reading }) => {
                 (grid, about, Content::Live(inputs, core, reading))
@@ -64,8 +64,8 @@ impl Data {
 
 /// What scenes are filled from.
 pub(super) enum Content {
-    /// Sections, and how many points are in them.
-    Whole(Vec<(SectionKey, Columns)>, u64),
+    /// Sections, how many points were read, and how many of them are in sections.
+    Whole(Vec<(SectionKey, Columns)>, [u64; 2]),
     /// Files to be read.
     Live(Vec<OpenInput>, Core, Reading),
 }
@@ -77,11 +77,21 @@ pub(super) struct Filled {
     pub(super) scene: Scene,
     /// Points in all files.
     pub(super) points: u64,
+    /// Those that are in sections which are resident from the start.
+    selected: u64,
     /// Sections that are resident from the start.
     pub(super) sections: usize,
 }
 
 impl Filled {
+    /// Points that take part, and whether that is an estimate.
+    pub(super) fn taking_part(&self) -> (u64, bool) {
+        self.live
+            .as_ref()
+            .map(Live::kinds)
+            .map_or((self.selected, false), |kinds| (kinds.all(), !kinds.is_exact))
+    }
+
     /// Uploads what is in memory, or starts to read what is not. `exact`: pixels are specified
     /// exactly; `keeps_copies`: more than one image is drawn.
     pub(super) fn new(
@@ -105,13 +115,13 @@ impl Filled {
         let visibility = args.visibility(exact);
         let mut scene = Scene::new(gpu, |order: Order| order, access, pool_bytes, visibility, grid)?;
         match content {
-            Content::Whole(sections, points) => {
+            Content::Whole(sections, [points, selected]) => {
                 let count = sections.len();
                 upload(&mut scene, sections)?;
                 if let Some(why) = why_hidden(&scene.kinds(), &scene.visibility()) {
                     anyhow::bail!("nothing to draw: {why}");
                 }
-                Ok(Filled { scene, live: None, points, sections: count })
+                Ok(Filled { scene, live: None, points, selected, sections: count })
             }
             Content::Live(inputs, core, reading) => {
                 let points = inputs.iter().map(|input| input.input.file.points()).sum();
@@ -124,26 +134,42 @@ impl Filled {
                 if let Some(cache) = args.cache() {
                     live.save_learned_to(cache);
                 }
-                Ok(Filled { scene, live: Some(live), points, sections: 0 })
+                Ok(Filled { scene, live: Some(live), points, selected: 0, sections: 0 })
             }
         }
     }
 }
 
-/// Reads and uploads what a picture needs, or until there is something to see.
+/// Cells of a sparse sample that all of the data is wide, from which on it is a picture of that.
+const SAMPLED_CELLS: f64 = 16.0;
+/// Points that are decoded, at most, for a first picture of data with a coarser sample.
+const FIRST_POINTS: u64 = 8_000_000;
+
+/// Whether there is something to see of data that is so many finest cells wide: all that its picture needs, or what stands in
+/// for it. Data of a few chunks has a sample of a few cells, much larger than itself; it is soon read.
+fn shows_something(live: &Live, scene: &Scene, width: f64) -> bool {
+    let is_slab = |(_, from): &Shown| {
+        let cells = width / f64::from(from.section.level).exp2();
+        from.kind == PayloadKind::Sample && cells < SAMPLED_CELLS
+    };
+    let has_read = || live.try_status(scene).is_some_and(|now| now.progress.points_read >= FIRST_POINTS);
+    live.has_sample() && !live.shown().is_empty() && (!live.shown().iter().any(is_slab) || has_read())
+}
+
+/// Reads and uploads what a picture needs, or until there is something to see of data that is so many finest cells wide.
 pub(super) fn fill(
     live: &mut Live,
     scene: &mut Scene,
     sight: &Sight,
     args: &Args,
-    wait: Wait,
+    (wait, width): (Wait, f64),
 ) -> anyhow::Result<Status> {
     let bar = load::bar(0, args.quiet, "reading {wide_bar} {human_pos}/{human_len} sections {eta}");
     loop {
         let tick = live.tick(scene, sight, LIMITS.fill_bytes)?;
         let enough = match wait {
             Wait::Complete => tick.complete,
-            Wait::None => tick.complete || live.has_sample() && !live.shown().is_empty(),
+            Wait::None => tick.complete || shows_something(live, scene, width),
         };
         if enough {
             if wait == Wait::Complete {

@@ -1,12 +1,12 @@
 //! Draws the images that the arguments ask for, and writes them with what stands beside them.
 
 use super::args::Args;
-use super::camera::{Asked, camera, framed};
+use super::camera::{Asked, camera, cropped, framed};
 use super::data::{Data, Filled};
 use super::drawing::Drawing;
 use super::film::{Film, draw_film};
 use super::ground::absolute;
-use super::report::{Summary, write_json};
+use super::report::{Drawn, Summary};
 use crate::attribute::ColorTable;
 use crate::command::UsageError;
 use crate::command::values::Ortho;
@@ -32,8 +32,13 @@ pub(super) struct Work<'a> {
     pub(super) legend: Option<&'a About>,
 }
 
-/// Draws the image that the arguments ask for, or all of its film.
-pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) -> anyhow::Result<()> {
+/// Draws the image that the arguments ask for, or all of its film; gives what those took that were drawn while data streams.
+pub(super) fn draw(
+    gpu: &Gpu,
+    data: Data,
+    work: &Work,
+    problems: &mut Problems,
+) -> anyhow::Result<Vec<Drawn>> {
     let Work { args, output, film, protected, legend } = *work;
     let (grid, about, content) = data.into_parts();
     let floor = about.floor(grid.cell());
@@ -84,8 +89,8 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         seen_down_to: if args.shade == Shade::Lit { floor } else { bounds.solid_down_to() },
         detail: args.detail.unwrap_or(if exact { 0.0 } else { 1.0 }),
         beside: String::new(),
-        sampled_kinds: &about.kinds,
-        statuses: Vec::new(),
+        about: &about,
+        drawn: Vec::new(),
         renderer: Renderer::new(&filled.scene, grid, anchor)?,
         filled,
         view: View {
@@ -119,6 +124,9 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         }
     };
     check_sides(size, output)?;
+    if let Some(note) = cropped(args, &framed, &cameras[0], size) {
+        drawing.problems.note(format!("{}: {note}", output.display()));
+    }
     let parallel = matches!(cameras[0].projection(), Projection::Orthographic { .. });
     let usual = if parallel { Background::White } else { Background::Sky };
     drawing.view = View { size, background: args.background.unwrap_or(usual), ..drawing.view };
@@ -137,17 +145,18 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         }
         None => drawing.image(&cameras[0], output)?,
     }
-    let Drawing { statuses, filled, .. } = drawing;
+    let Drawing { drawn, filled, .. } = drawing;
     side.iter().flat_map(|side| side.write(protected)).for_each(|line| problems.warn(line));
-    let resident = statuses.last().map_or(filled.sections, |status| status.resident);
-    let read = statuses.last().map_or(filled.points, |status| status.progress.points_seen);
-    write_json(args, statuses, protected)?;
+    let last = drawn.last().map(|drawn| &drawn.status);
+    let resident = last.map_or(filled.sections, |status| status.resident);
+    let read = last.map_or(filled.points, |status| status.progress.points_seen);
     if !args.quiet {
         let summary = Summary {
             output,
             images: film.map(|film| film.frames.len() as u64),
             size,
             points: [read, filled.points],
+            selected: (!args.selection.selection().is_all()).then(|| filled.taking_part()),
             sections: resident as u64,
             grid: &grid,
             unit: about.unit.as_ref(),
@@ -156,7 +165,7 @@ pub(super) fn draw(gpu: &Gpu, data: Data, work: &Work, problems: &mut Problems) 
         };
         eprintln!("{}", summary.line());
     }
-    Ok(())
+    Ok(drawn)
 }
 
 /// A picture that its format cannot hold is a wrong argument.

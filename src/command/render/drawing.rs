@@ -2,9 +2,11 @@
 
 use super::args::{Args, Wait};
 use super::data::{Filled, fill};
+use super::report::Drawn;
 use crate::attribute::Kinds;
 use crate::command::UsageError;
 use crate::coords::Grid;
+use crate::load::{About, LoadError};
 use crate::output::{Output, Protected};
 use crate::problems::Problems;
 use crate::render::camera::Camera;
@@ -31,10 +33,10 @@ pub(super) struct Drawing<'a> {
     pub(super) detail: f64,
     /// What an image says of its side files.
     pub(super) beside: String,
-    /// Kinds of points that the opening sample has seen.
-    pub(super) sampled_kinds: &'a Kinds,
-    /// Of each image that was drawn while data streams.
-    pub(super) statuses: Vec<Status>,
+    /// What is known of the data.
+    pub(super) about: &'a About,
+    /// Each image that was drawn while data streams.
+    pub(super) drawn: Vec<Drawn>,
     pub(super) protected: &'a Protected,
     pub(super) problems: &'a mut Problems,
 }
@@ -43,10 +45,16 @@ impl Drawing<'_> {
     /// Draws what `camera` sees, and writes it.
     pub(super) fn image(&mut self, camera: &Camera, output: &Path) -> anyhow::Result<()> {
         let view = View { camera, ..self.view.clone() };
-        let table = self.table(&view, self.detail, self.args.wait)?;
+        let (table, status) = self.table(&view, self.detail, self.args.wait)?;
         let scene = &mut self.filled.scene;
         // Where nothing is in sight, the sample tells what there is elsewhere.
-        let seen: Kinds = scene.kinds().union(self.sampled_kinds).copied().collect();
+        let seen: Kinds = scene.kinds().union(&self.about.kinds).copied().collect();
+        // Where every point was read, there are no others.
+        let is_read = |status: &Status| status.progress.points_seen == status.progress.points;
+        let selection = self.args.selection.selection();
+        if seen.is_empty() && !selection.is_all() && status.as_ref().is_some_and(is_read) {
+            return Err(LoadError::none_selected(&selection, &self.about.present).into());
+        }
         if let Some(why) = why_hidden(&seen, &scene.visibility()) {
             anyhow::bail!("nothing to draw: {why}");
         }
@@ -55,6 +63,8 @@ impl Drawing<'_> {
             let output = output.display();
             self.problems.warn(format!("{output}: nothing of the data is in sight: without --eye, --target, --path and a distance all of it is framed"));
         }
+        let picture = output.display().to_string();
+        self.drawn.extend(status.map(|status| Drawn { picture, status }));
         write(&image, &view, &self.grid, Output::over(output, self.protected), &self.beside)
     }
 
@@ -69,36 +79,40 @@ impl Drawing<'_> {
             background: Background::None,
             ..self.view.clone()
         };
-        let table = self.table(&view, 0.0, Wait::Complete)?;
-        self.statuses.clear();
+        let (table, _) = self.table(&view, 0.0, Wait::Complete)?;
         self.renderer.draw_table(&mut self.filled.scene, &view, &table).map_err(usage)
     }
 
-    /// The table of what is seen in `view`, which is read and uploaded first where it is not there. `detail`: pixels that
-    /// a cell may cover.
-    fn table(&mut self, view: &View, detail: f64, wait: Wait) -> anyhow::Result<Arc<Table>> {
+    /// The table of what is seen in `view`, which is read and uploaded first where it is not there, and how things stand where
+    /// that was. `detail`: pixels that a cell may cover.
+    fn table(
+        &mut self,
+        view: &View,
+        detail: f64,
+        wait: Wait,
+    ) -> anyhow::Result<(Arc<Table>, Option<Status>)> {
         let scene = &mut self.filled.scene;
-        let Some(live) = &mut self.filled.live else { return Ok(self.renderer.table(scene)) };
+        let Some(live) = &mut self.filled.live else { return Ok((self.renderer.table(scene), None)) };
         let View { camera, size, z_scale, pivot, .. } = *view;
         check_size(scene.gpu(), size).map_err(usage)?;
         let sight = sight(camera, size, [z_scale, pivot], self.seen_down_to, detail)
             .map_err(|error| usage(error.into()))?;
         live.pause(false);
         live.restore_detail();
-        let filled = fill(live, scene, &sight, self.args, wait);
+        let width = self.about.bounds.size().truncate().max_element() / self.grid.cell();
+        let filled = fill(live, scene, &sight, self.args, (wait, width));
         live.pause(true);
         // What was wrong with files is told even where the image fails for another reason.
         live.take_errors().iter().for_each(|error| self.problems.error(error));
         live.take_warnings().iter().for_each(|warning| self.problems.warn(warning));
         let now = filled?;
-        if now.coarser > 1.0 && self.statuses.last().is_none_or(|before| before.coarser < now.coarser) {
+        if now.coarser > 1.0 && self.drawn.last().is_none_or(|before| before.status.coarser < now.coarser) {
             self.problems.warn(format!(
                 "detail is reduced: cells may cover {:.1} times as many pixels, for lack of device memory (--device-memory)",
                 now.coarser
             ));
         }
-        self.statuses.push(now);
-        Ok(self.renderer.table_of_live(scene, live))
+        Ok((self.renderer.table_of_live(scene, live), Some(now)))
     }
 }
 

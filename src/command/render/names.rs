@@ -2,9 +2,11 @@
 
 use super::args::Args;
 use crate::command::UsageError;
+use crate::command::saved::is_view_name;
 use crate::command::values::is_picture;
 use crate::output;
 use crate::render::image::Format;
+use crate::render::path::CameraPath;
 use crate::source::inputs::Inputs;
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
@@ -50,10 +52,19 @@ pub(super) fn split(args: &Args) -> Result<(Vec<OsString>, Option<PathBuf>), Usa
             Path::new(&inputs[0]).display()
         ));
     }
+    if let (None, Some(view)) = (&args.path, inputs.iter().find(|word| is_view(word))) {
+        let view = Path::new(view).display();
+        return wrong(format!("{view}: it says where a camera is: lasray render --path {view} draws it"));
+    }
     if !args.demo && inputs.is_empty() {
         return wrong("no INPUT: files, folders, @lists or patterns to draw".to_owned());
     }
     Ok((inputs, output))
+}
+
+/// Whether a word is a file that says where a camera is.
+fn is_view(word: &OsString) -> bool {
+    is_view_name(word) && CameraPath::read(Path::new(word)).is_ok()
 }
 
 /// A name for the picture where none was typed: the first input's, in the current folder.

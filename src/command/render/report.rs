@@ -10,8 +10,17 @@ use crate::text::{harmless, tidy};
 use anyhow::Context;
 use std::path::Path;
 
+/// An image that was drawn while data streams, and what that took.
+#[derive(Debug, serde::Serialize)]
+pub(super) struct Drawn {
+    /// Its name.
+    pub(super) picture: String,
+    #[serde(flatten)]
+    pub(super) status: Status,
+}
+
 /// Writes what each image took where `--json` says.
-pub(super) fn write_json(args: &Args, all: Vec<Status>, protected: &Protected) -> anyhow::Result<()> {
+pub(super) fn write_json(args: &Args, all: Vec<Drawn>, protected: &Protected) -> anyhow::Result<()> {
     let Some(to) = &args.json else { return Ok(()) };
     let all: Vec<_> = all.into_iter().map(Signed::new).collect();
     let text = serde_json::to_string_pretty(&all).context("numbers as JSON")?;
@@ -27,6 +36,8 @@ pub(super) struct Summary<'a> {
     pub(super) size: [u32; 2],
     /// Points that were read, whether shown or not, and all.
     pub(super) points: [u64; 2],
+    /// Of those that were read, the ones that take part, where not all do; estimated where that is said.
+    pub(super) selected: Option<(u64, bool)>,
     pub(super) sections: u64,
     pub(super) grid: &'a Grid,
     pub(super) unit: Option<&'a Unit>,
@@ -44,8 +55,11 @@ impl Summary<'_> {
         let [width, height] = self.size;
         let [read, all] = self.points;
         let points = if read < all { format!("{read} of {all} points") } else { plural(all, "point") };
+        let selected = self.selected.map_or(String::new(), |(selected, is_estimate)| {
+            format!(", {}{selected} selected", if is_estimate { "about " } else { "" })
+        });
         format!(
-            "{}: {images}{width}x{height} pixels, {points} read, {}, cells of {cell} {unit}, coloured by {}{legend}",
+            "{}: {images}{width}x{height} pixels, {points} read{selected}, {}, cells of {cell} {unit}, coloured by {}{legend}",
             harmless(&self.output.to_string_lossy()),
             plural(self.sections, "section"),
             self.mode.name()

@@ -5,6 +5,7 @@ use super::data::Data;
 use super::draw::{Work, draw};
 use super::film::Film;
 use super::names;
+use super::report::{Drawn, write_json};
 use crate::command::outcome::{Outcome, UsageError, usage_of_load};
 use crate::command::targets::check_targets;
 use crate::command::values::Place;
@@ -100,7 +101,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         false if args.each => {
             let drawn = each(&gpu, (&found, &pictures), &args, &options, &protected, problems);
             finish(problems, &args);
-            drawn?;
+            write_json(&args, drawn?, &protected)?;
             return outcome(&gpu, &args, problems);
         }
         false => load::open(&found.files, &options, problems)
@@ -111,7 +112,7 @@ pub fn run(args: Args, problems: &mut Problems) -> anyhow::Result<Outcome> {
         Work { args: &args, output: &output, film: film.as_ref(), protected: &protected, legend: None };
     let drawn = opened.map_err(usage_of_load).and_then(|data| draw(&gpu, data, &work, problems));
     finish(problems, &args);
-    drawn?;
+    write_json(&args, drawn?, &protected)?;
     outcome(&gpu, &args, problems)
 }
 
@@ -121,7 +122,7 @@ fn outcome(gpu: &Gpu, args: &Args, problems: &Problems) -> anyhow::Result<Outcom
 }
 
 /// One picture a file, all with the same cells and in the same colours. What is wrong with one of them does not stop the
-/// others.
+/// others. Gives what those took that were drawn while data streams.
 fn each(
     gpu: &Gpu,
     (found, pictures): (&Inputs, &[PathBuf]),
@@ -129,7 +130,7 @@ fn each(
     options: &LoadOptions,
     protected: &Protected,
     problems: &mut Problems,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<Drawn>> {
     // What is to be said is said file by file.
     let all = match load::open(&found.files, options, &mut Problems::default()) {
         Ok(opening) => Some(opening.about),
@@ -139,7 +140,7 @@ fn each(
     let placement = PlacementOptions { known: all.as_ref().map(About::world), ..options.placement.clone() };
     let cell = all.as_ref().map_or(options.cell, |all| Some(all.cell.into()));
     let options = LoadOptions { cell, placement, ..options.clone() };
-    let (mut drawn, mut usage) = (false, None);
+    let (mut drawn, mut is_drawn, mut usage) = (Vec::new(), false, None);
     for (path, output) in found.files.iter().zip(pictures) {
         let said = problems.said();
         let work = Work { args, output, film: None, protected, legend: all.as_ref() };
@@ -147,7 +148,10 @@ fn each(
             .and_then(|opening| Data::of(opening, all.as_ref(), (args, output), &options, problems))
             .map_err(usage_of_load);
         match data.and_then(|data| draw(gpu, data, &work, problems)) {
-            Ok(()) => drawn = true,
+            Ok(of_file) => {
+                drawn.extend(of_file);
+                is_drawn = true;
+            }
             // Why nothing is left has been said.
             Err(error) if error.is::<LoadError>() && problems.said() > said => problems.lost(path),
             Err(error) => {
@@ -158,7 +162,7 @@ fn each(
         say(problems, args);
     }
     match usage {
-        _ if drawn => Ok(()),
+        _ if is_drawn => Ok(drawn),
         Some(usage) => Err(usage.into()),
         None => anyhow::bail!("nothing could be drawn"),
     }
