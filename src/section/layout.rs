@@ -223,7 +223,8 @@ impl Derived {
 
     /// As shaders and table nodes have it: `FORM_WIDE`, `FORM_FLOATS`.
     pub fn form(self) -> u32 {
-        u32::from(self.wide) * payload::FORM_WIDE | u32::from(self.floats) * payload::FORM_FLOATS
+        let bit = |is: bool, bit: u32| if is { bit } else { 0 };
+        bit(self.wide, payload::FORM_WIDE) | bit(self.floats, payload::FORM_FLOATS)
     }
 
     /// Words of a block: its level 0 of the pyramid, row by row, from word 0 on; level 1 behind it.

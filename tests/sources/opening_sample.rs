@@ -2,7 +2,7 @@
 
 use crate::made::{Made, Packing};
 use crate::scene::real_files as data;
-use lasray::attribute::{ClassMask, Flags, ColorMode};
+use lasray::attribute::{ClassMask, ColorMode, Flags};
 use lasray::sample::{self, Asked, CellChoice, GroundPatch, Opened, RgbDepth, Sample, SampleBudget};
 use lasray::source::inputs;
 use lasray::source::placement::PlacementOptions;

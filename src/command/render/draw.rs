@@ -7,7 +7,7 @@ use super::drawing::Drawing;
 use super::film::{Film, draw_film};
 use super::ground::absolute;
 use super::report::{Drawn, Summary};
-use crate::attribute::ColorTable;
+use crate::attribute::{ColorMode, ColorTable};
 use crate::command::UsageError;
 use crate::command::values::Ortho;
 use crate::gpu::Gpu;
@@ -30,6 +30,15 @@ pub(super) struct Work<'a> {
     pub(super) protected: &'a Protected,
     /// What colours are chosen by, where it is not the data alone that is drawn.
     pub(super) legend: Option<&'a About>,
+}
+
+/// Notes on colours: that there is one, that an option changes nothing.
+fn tell_of_colours(args: &Args, colors: &ColorTable, mode: ColorMode) {
+    colors.constant.iter().for_each(|constant| eprintln!("note: {constant}"));
+    let options = [("--ramp", args.ramp.is_some()), ("--range", args.range.is_some())];
+    for (option, _) in options.iter().filter(|(_, is_given)| *is_given && !mode.has_ramp()) {
+        eprintln!("note: {option} changes nothing: colours by {} have no ramp", mode.name());
+    }
 }
 
 /// Draws the image that the arguments ask for, or all of its film; gives what those took that were drawn while data streams.
@@ -73,11 +82,7 @@ pub(super) fn draw(
     let colors = ColorTable::new(mode, &legend.summary, &grid, args.ramp, args.range)
         .map_err(|e| UsageError(e.to_string()))?;
     if !args.quiet {
-        colors.constant.iter().for_each(|constant| eprintln!("note: {constant}"));
-        let options = [("--ramp", args.ramp.is_some()), ("--range", args.range.is_some())];
-        for (option, _) in options.iter().filter(|(_, is_given)| *is_given && !mode.has_ramp()) {
-            eprintln!("note: {option} changes nothing: colours by {} have no ramp", mode.name());
-        }
+        tell_of_colours(args, &colors, mode);
     }
 
     let exr = Format::of(output)? == Format::Exr;
