@@ -154,6 +154,8 @@ group! { payload:
     STACK_BOTTOM_SHIFT = 24;
     /// Highest of either, in steps of the level's (see `coords::Stacking::word_step_log2`): so far or farther.
     STACK_MOST_BELOW = 0xFF;
+    /// log2 of the longest of these steps: of what narrow codes tell apart none needs longer ones.
+    MOST_WORD_STEP = 16;
     /// In a block where something may float, behind level 0: first word of level 1.
     STACK_LEVEL_1 = LEVEL_1;
     /// The word of level 2.

@@ -49,7 +49,7 @@ uint form, word_step;
 
 void begin_form(uint job) {
     form = IS_WIDE | (JOB[job].lists != 0u ? FORM_FLOATS : 0u);
-    word_step = max(JOB[job].slice, 1u) - 1u;
+    word_step = min(max(JOB[job].slice, 1u) - 1u, MOST_WORD_STEP);
 }
 
 // First word of the western of a half block's two blocks.

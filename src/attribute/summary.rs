@@ -107,6 +107,15 @@ impl Default for Scales {
 }
 
 impl Scales {
+    /// Other points count, too. What codes mean already stays: what is beyond that is told as such.
+    pub fn join(&mut self, others: &Scales) {
+        self.lines.extend(&others.lines);
+        self.lines.sort_unstable();
+        self.lines.dedup();
+        // Where there were no times none were coded.
+        self.times = self.times.or(others.times);
+    }
+
     /// How far lengths are to be told apart where points have these heights, which are spread like that, CRS units.
     pub fn reach_of(heights: impl Iterator<Item = f64>, spread: &Spread, metre: f64) -> f64 {
         let ends = |(low, high): (f64, f64), height: f64| (low.min(height), high.max(height));
@@ -234,6 +243,16 @@ pub(super) mod tests {
         let (a, b) = (summary(clean.clone()), summary(clean.into_iter().chain([stray])));
         assert_eq!((a.height.min, a.height.max), (b.height.min, b.height.max));
         assert!((a.height.percentile(98.0) - b.height.percentile(98.0)).abs() < 0.02);
+    }
+
+    #[test]
+    fn files_that_come_bring_their_lines_and_the_first_times() {
+        let times = |from| Some(TimeScale { from, to: from + 9.0 });
+        let mut known = Scales { lines: vec![4, 7], ..Scales::default() };
+        known.join(&Scales { lines: vec![1, 7, 9], times: times(100.0), reach: 1.0, ..Scales::default() });
+        assert_eq!(known, Scales { lines: vec![1, 4, 7, 9], times: times(100.0), ..Scales::default() });
+        known.join(&Scales { times: times(0.0), ..Scales::default() });
+        assert_eq!(known.times, times(100.0), "what codes mean stays");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! How points of a column become spans that may float: thickness, slices, and the low points of runs.
 
 use super::heights::Height;
+use crate::shared::payload::MOST_WORD_STEP;
 
 /// Largest thickness, and log2 of the largest slice: beyond it all heights lie in four slices.
 const MOST_LOG2: u32 = 30;
@@ -76,7 +77,8 @@ impl Stacking {
 
     /// log2 of the steps by which a node's word counts how far below the highest thing what is solid lies, and what floats begins.
     pub const fn word_step_log2(self) -> u32 {
-        self.slice_log2.saturating_sub(1)
+        let step = self.slice_log2.saturating_sub(1);
+        if step < MOST_WORD_STEP { step } else { MOST_WORD_STEP }
     }
 
     /// How far below its highest point a span that is to grow no more may reach, steps: from there on to the next point, a gap

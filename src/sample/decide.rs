@@ -298,14 +298,6 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let set = (files, &*drawn, points);
     let mut runs = Runs::read(set, whole, selection, budget, &mut problems);
     runs.mark_heights(files, &world, selection, &mut firsts);
-    // Of a set that is read whole only for what is asked for, cells are those that they are with nothing asked for.
-    let cell_by_some = (whole && points > budget.whole).then(|| {
-        let some = Runs::read(set, false, selection, budget, &mut Vec::new());
-        let sample = Weighted::new(files, &world, false, &firsts, some.parts());
-        let bounds = |file| sample.framed(file, usual(&sample)).and_then(|framed| framed.bounds);
-        let bounds: Vec<_> = (0..files.len()).map(bounds).collect();
-        cell_of((files, &drawn, budget), &firsts, &some, &sample, &bounds)
-    });
     let in_nodes: Vec<bool> =
         (0..files.len()).map(|index| in_nodes(&files[index].file, &firsts[index])).collect();
     let contradicted: Vec<Option<Told>> = files
@@ -314,9 +306,25 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
         .map(|(opened, firsts)| opened.known.contradicted(&opened.file, firsts.iter().map(|seen| seen.raw)))
         .collect();
     // A set that is read whole has its first points among the others.
-    let firsts = if whole { vec![Vec::new(); files.len()] } else { firsts };
+    let (firsts, firsts_of_some) =
+        if whole { (vec![Vec::new(); files.len()], firsts) } else { (firsts, Vec::new()) };
     let stored = rgb_of(files, &drawn, &firsts, &runs.places, &runs.seen, whole);
     let rgb = rgb::decide(files, &stored);
+    let has_rgb = drawn.iter().any(|&index| rgb::has_rgb(&files[index].file));
+    // Of a set that is read whole only for what is asked for, cells, codes and colours are those that they are with nothing asked for.
+    let by_some = (whole && points > budget.whole).then(|| {
+        let some = Runs::read(set, false, selection, budget, &mut Vec::new());
+        let sample = Weighted::new(files, &world, false, &firsts_of_some, some.parts());
+        let usual = usual(&sample);
+        let framed: Vec<frame::Framed> =
+            (0..files.len()).map(|file| sample.framed(file, usual).unwrap_or_default()).collect();
+        let bounds: Vec<_> = framed.iter().map(|framed| framed.bounds).collect();
+        let cell = cell_of((files, &drawn, budget), &firsts_of_some, &some, &sample, &bounds);
+        let points = shown_points(&sample, &framed, &rgb, usual);
+        let all = summarise(&points, has_rgb);
+        let (scales, color) = by_all(&sample, (&points, &all), &world, (cell.density, false));
+        (cell, scales, color)
+    });
 
     let sample = Weighted::new(files, &world, whole, &firsts, runs.parts());
     let usual = usual(&sample);
@@ -339,17 +347,18 @@ pub fn take(files: &[Opened], options: &PlacementOptions, asked: &Asked, budget:
     let Tally { kinds, classes, selected } = Tally::of(&sample);
     let of_shown = shown_points(&sample, framed, &rgb, shown);
     let bounds: Vec<Option<Bounds>> = framed.iter().map(|framed| framed.bounds).collect();
-    let cell =
-        cell_by_some.unwrap_or_else(|| cell_of((files, &drawn, budget), &firsts, &runs, &sample, &bounds));
     // Roofs alone are no ground: that is below all.
     let low = shape_of_all.as_ref().or(shape.as_ref()).map(|(_, low)| low);
     let above = low.map_or(Spread::default(), |low| above(low, &sample, framed, shown));
-    let has_rgb = drawn.iter().any(|&index| rgb::has_rgb(&files[index].file));
     let attributes = summarise(&of_shown, has_rgb);
     let others = (!is_usual).then(|| shown_points(&sample, framed, &rgb, usual));
     let of_others = others.as_ref().map(|others| summarise(others, has_rgb));
     let all = (others.as_ref().unwrap_or(&of_shown).as_slice(), of_others.as_ref().unwrap_or(&attributes));
-    let (scales, color) = by_all(&sample, all, &world, (cell.density, whole));
+    let (cell, scales, color) = by_some.unwrap_or_else(|| {
+        let cell = cell_of((files, &drawn, budget), &firsts, &runs, &sample, &bounds);
+        let (scales, color) = by_all(&sample, all, &world, (cell.density, whole));
+        (cell, scales, color)
+    });
     let sampled = sample.points.iter().map(Vec::len).sum::<usize>() as u64;
     Sample {
         points,

@@ -171,7 +171,11 @@ fn low_surface(lowest: &Lowest, reach: f64) -> Option<Vec<f64>> {
         let width = SIDE / nodes;
         let mut lows = lows((&heights, &roofs), &surface, nodes);
         if lows.iter().all(|low| low.is_nan()) {
-            return None;
+            if nodes == 1 {
+                return None;
+            }
+            // As fine as there are enough.
+            break;
         }
         fill_around(&mut lows, nodes);
         for (k, height) in surface.iter_mut().enumerate() {

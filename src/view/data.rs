@@ -643,7 +643,10 @@ impl Data {
 
     /// Takes in what is known of more files; gives where all lie.
     fn widen(&mut self, more: &load::About) -> Core {
-        let known = &mut self.about.as_mut().expect("others are there").whole;
+        let about = self.about.as_mut().expect("others are there");
+        about.summaries += 1;
+        let known = &mut about.whole;
+        known.summary.scales.join(&more.summary.scales);
         let (a, b) = (known.bounds, more.bounds);
         known.bounds = a.union(b);
         let of_all = |about: &load::About| about.outline_of_all.as_ref().unwrap_or(&about.outline).clone();

@@ -176,7 +176,7 @@ fn data_ends_in_a_thin_plain_slab() {
     });
 }
 
-/// Cells, colours and framing are those of the classes that are asked for.
+/// Colours and framing are those of the classes that are asked for, cells those of all.
 #[test]
 fn a_picture_starts_from_what_is_asked_for() {
     common::run("looks::a_picture_starts_from_what_is_asked_for", LAVAPIPE, |_| {
@@ -193,9 +193,11 @@ fn a_picture_starts_from_what_is_asked_for() {
         let (all, said_all) = render(std::slice::from_ref(&path), &arguments(&["--surface", "columns"]));
         let (ground, said) = render(
             std::slice::from_ref(&path),
-            &arguments(&["--classes", "2", "--color", "height", "--ramp", "grey"]),
+            &arguments(&["--classes", "2", "--color", "height", "--ramp", "grey", "--cell", "8"]),
         );
+        let (_, said_usual) = render(std::slice::from_ref(&path), &arguments(&["--classes", "2"]));
         assert!(said_all.contains("cells of 0.5"), "{said_all}");
+        assert!(said_usual.contains("cells of 0.5"), "{said_usual}");
         assert!(said.contains("cells of 8 "), "{said}");
         // From west to east through the whole ramp, not one colour of the low end.
         assert!(ground.quantile(0.95) - ground.quantile(0.05) > 60, "one grey");

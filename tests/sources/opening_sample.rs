@@ -233,7 +233,7 @@ fn asked() -> Vec<Asked> {
 }
 
 #[test]
-fn cells_are_the_same_whatever_is_asked_for() {
+fn cells_and_codes_are_the_same_whatever_is_asked_for() {
     let Some(data) = data() else { return };
     let sets = ["urban/fusa.laz", "copc/fusa.copc.laz"];
     // Read whole; in parts with nothing asked for; in parts.
@@ -251,7 +251,11 @@ fn cells_are_the_same_whatever_is_asked_for() {
             let take = |asked: &Asked| sample::take(&files, &PlacementOptions::default(), asked, &budget);
             let all = take(&Asked::default());
             for asked in asked() {
-                assert_eq!(take(&asked).cell, all.cell, "{set} {budget:?} {asked:?}");
+                let some = take(&asked);
+                let what = format!("{set} {budget:?} {asked:?}");
+                assert_eq!(some.cell, all.cell, "{what}");
+                assert_eq!(some.attributes.scales, all.attributes.scales, "{what}");
+                assert_eq!(some.color, all.color, "{what}");
             }
             all.cell.cell
         })
