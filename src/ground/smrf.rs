@@ -152,7 +152,9 @@ impl GroundFilter {
         found = false;
         for (x, y) in cells() {
             if self.low.has(x, y) {
-                if is_deep(&self.opened[0], &self.surface, y * SIDE + x) {
+                let at = y * SIDE + x;
+                // Nothing surrounds what was taken away itself, with nothing to fill it from.
+                if self.bare[at] != NONE && is_deep(&self.opened[0], &self.surface, at) {
                     self.known.clear(x, y);
                     found = true;
                 } else {
