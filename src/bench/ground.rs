@@ -165,7 +165,13 @@ pub fn run(
     stop: &AtomicBool,
 ) -> anyhow::Result<GroundRow> {
     let metre = opening.about.unit.as_ref().map_or(1.0, |unit| unit.si.recip());
-    let ground = GroundGrid::new(opening.grid, metre);
+    let ground = GroundGrid::new(opening.grid, metre).with_context(|| {
+        let cell = opening.grid.cell();
+        format!(
+            "--cell: cells of {cell} are {:.3} m wide; the ground is told in cells of 4 m at most",
+            cell / metre
+        )
+    })?;
     let inputs: Vec<_> = opening.inputs.into_iter().map(|open| open.input).collect();
     let GroundOptions { truth, threads, runs } = *options;
     let layers = LayerMemory::default();

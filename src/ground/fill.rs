@@ -51,6 +51,16 @@ impl Bits {
         self.words[y * self.row + x / 64 + 1] &= !(1 << (x % 64));
     }
 
+    /// Clears those of `other`.
+    pub fn take_out(&mut self, other: &Bits) {
+        self.words.iter_mut().zip(&other.words).for_each(|(to, from)| *to &= !from);
+    }
+
+    /// Sets those of `other`.
+    pub fn put_in(&mut self, other: &Bits) {
+        self.words.iter_mut().zip(&other.words).for_each(|(to, from)| *to |= from);
+    }
+
     /// Whether a bit lies within [`REACH`] columns of `x`.
     fn has_near(&self, x: usize, y: usize) -> bool {
         let [east, west] = self.sides(x, y);

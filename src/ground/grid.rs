@@ -8,8 +8,8 @@ const TILE_LOG2: u32 = 8;
 pub const TILE_SIDE: usize = 1 << TILE_LOG2;
 /// Cells of a tile.
 pub const TILE_CELLS: usize = TILE_SIDE * TILE_SIDE;
-/// Finest cells of the grid in a side of a ground cell, at least: 2².
-const LEAST_LEVEL: u8 = 2;
+/// Widest cells, m: wider ones tell nothing of the ground.
+const WIDEST_CELL_M: f64 = 4.0;
 /// Largest opening, m; so many cells of a metre in its radius.
 const WIDEST_WINDOW_M: f64 = 18.0;
 /// Most openings: a cell is no smaller than a metre.
@@ -48,12 +48,13 @@ pub struct GroundGrid {
 }
 
 impl GroundGrid {
-    /// Cells of at least a metre and four finest cells of `grid`; `metre`: in CRS units.
-    pub fn new(grid: Grid, metre: f64) -> GroundGrid {
+    /// Finest cells of `grid`, doubled until they are a metre wide at least; `None`: they are wider than 4 m. `metre`: in
+    /// CRS units.
+    pub fn new(grid: Grid, metre: f64) -> Option<GroundGrid> {
         let doublings = (metre / grid.cell()).log2().ceil();
         // Cells are counted in 30 bits.
-        let level = doublings.clamp(LEAST_LEVEL.into(), 30.0) as u8;
-        GroundGrid { grid, metre, level }
+        let level = doublings.clamp(0.0, 30.0) as u8;
+        (grid.cell() <= WIDEST_CELL_M * metre).then_some(GroundGrid { grid, metre, level })
     }
 
     /// Side of a cell, CRS units.
@@ -88,8 +89,13 @@ impl GroundGrid {
 
     /// Openings: radii of 1 cell, 2, … up to 18 m.
     pub(super) fn windows(&self) -> usize {
-        let cells = (WIDEST_WINDOW_M * self.metre / self.cell() + 1e-9).floor();
-        cells.clamp(1.0, MOST_WINDOWS as f64) as usize
+        self.cells_of(WIDEST_WINDOW_M, MOST_WINDOWS)
+    }
+
+    /// Whole cells in a length in m, one at least and at `most`.
+    pub(super) fn cells_of(&self, length_m: f64, most: usize) -> usize {
+        let cells = (length_m * self.metre / self.cell() + 1e-9).floor();
+        cells.clamp(1.0, most as f64) as usize
     }
 }
 
@@ -102,26 +108,32 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_a_metre_and_four_finest_ones_at_least() {
-        let ground = |cell: f64, metre: f64| GroundGrid::new(grid(cell), metre);
+    fn cells_are_a_metre_at_least_and_four_at_most() {
+        let ground = |cell: f64, metre: f64| GroundGrid::new(grid(cell), metre).unwrap();
         for (cell, metre, side, windows) in [
             (0.25, 1.0, 1.0, 18),
             (0.125, 1.0, 1.0, 18),
             (0.3, 1.0, 1.2, 15),
             (0.26, 1.0, 1.04, 17),
             (0.13, 1.0, 1.04, 17),
-            (0.5, 1.0, 2.0, 9),
-            (1.0, 1.0, 4.0, 4),
-            (64.0, 1.0, 256.0, 1),
+            (0.5, 1.0, 1.0, 18),
+            (1.0, 1.0, 1.0, 18),
+            (1.5, 1.0, 1.5, 12),
+            (2.0, 1.0, 2.0, 9),
+            (4.0, 1.0, 4.0, 4),
             // Feet: a metre is 3.28 of them.
             (0.25, 1.0 / 0.3048, 4.0, 14),
             (1.0, 1.0 / 0.3048, 4.0, 14),
+            (13.0, 1.0 / 0.3048, 13.0, 4),
         ] {
             let ground = ground(cell, metre);
             assert!((ground.cell() - side).abs() < 1e-12, "{cell}: {}", ground.cell());
             assert_eq!(ground.windows(), windows, "{cell}");
         }
-        assert_eq!(GroundGrid::new(grid(1e-12), 1.0).level, 30);
+        assert_eq!(ground(1e-12, 1.0).level, 30);
+        for (cell, metre) in [(4.01, 1.0), (64.0, 1.0), (13.2, 1.0 / 0.3048)] {
+            assert_eq!(GroundGrid::new(grid(cell), metre), None);
+        }
     }
 
     #[test]
@@ -129,7 +141,7 @@ mod tests {
         for coarsen in [0, 1] {
             let grid = grid(0.25);
             let grid = Grid { coarsen, anchor: grid.anchor.map(|a| a >> coarsen), ..grid };
-            let ground = GroundGrid::new(grid, 1.0);
+            let ground = GroundGrid::new(grid, 1.0).unwrap();
             for k in 0..4000 {
                 let at = [67_108_864.0 + f64::from(k) * 0.37, -67_108_864.0 - f64::from(k) * 0.61];
                 let (key, index) = ground.place(grid.cell_of(at[0], at[1]).unwrap());

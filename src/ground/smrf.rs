@@ -17,13 +17,19 @@ const LOW_SLOPE: f64 = 5.0;
 /// Octants in which points lie around what is filled before openings: more than half, so that what stands at the border of
 /// the data is not drawn out beyond it.
 const ENCLOSED: usize = 5;
+/// Radius of the openings that take crowns away before low outliers are told from ground below crowns, m. Wider ones take away the
+/// land between outliers: that between those of a grid of 1.4 times as much.
+const CROWN_M: f64 = 4.0;
+const CROWN_CELLS: usize = CROWN_M as usize;
 
 /// How far around a tile stages are computed, cells: slopes of the ring need one more.
 const SURFACE: usize = 2;
 const OPENED: usize = SURFACE + REACH;
 const OPENINGS: usize = OPENED + 2 * MOST_WINDOWS;
 const CLOSED: usize = OPENINGS + REACH;
-const FIRST: usize = CLOSED + 2;
+const BARE: usize = CLOSED + 2;
+const CROWNS: usize = BARE + REACH;
+const FIRST: usize = CROWNS + 2 * CROWN_CELLS;
 /// Cells around a tile that its ground depends on.
 pub const MARGIN: usize = FIRST + REACH;
 const SIDE: usize = TILE_SIDE + 2 * MARGIN;
@@ -37,12 +43,14 @@ const fn within(around: usize) -> Range<usize> {
 
 /// Makes tiles of the ground; one a thread, its memory is reused.
 pub struct GroundFilter {
-    lows: Raster,
     surface: Raster,
+    /// Without crowns.
+    bare: Raster,
     opened: [Raster; 2],
     known: Bits,
     trusted: Bits,
     low: Bits,
+    crowns: Bits,
     object: Vec<bool>,
     opening: Opening,
 }
@@ -51,12 +59,13 @@ impl Default for GroundFilter {
     fn default() -> GroundFilter {
         let raster = || vec![NONE; SIDE * SIDE];
         GroundFilter {
-            lows: raster(),
             surface: raster(),
+            bare: raster(),
             opened: [raster(), raster()],
             known: Bits::new(SIDE),
             trusted: Bits::new(SIDE),
             low: Bits::new(SIDE),
+            crowns: Bits::new(SIDE),
             object: vec![false; SIDE * SIDE],
             opening: Opening::new(SIDE, MOST_WINDOWS),
         }
@@ -71,14 +80,13 @@ impl GroundFilter {
         }
         self.load(near);
         // Between the points, so that openings have a surface.
-        self.surface.copy_from_slice(&self.lows);
-        self.fill(|of| &of.known, FIRST, ENCLOSED);
-        if self.find_low(ground.steps(LOW_SLOPE * ground.cell())) {
-            self.fill(|of| &of.low, OPENINGS, ENCLOSED);
+        fill(&mut self.surface, SIDE, [&self.known, &self.known], within(FIRST), ENCLOSED);
+        if self.find_low(ground) {
+            fill(&mut self.surface, SIDE, [&self.known, &self.low], within(OPENINGS), ENCLOSED);
         }
-        self.find_objects(ground);
-        self.clear_unknown();
-        self.fill(|of| &of.known, SURFACE, 1);
+        self.find_objects(ground, ground.windows(), within(OPENED));
+        self.take_out_objects();
+        fill(&mut self.surface, SIDE, [&self.known, &self.known], within(SURFACE), 1);
         self.finish(ground)
     }
 
@@ -89,7 +97,7 @@ impl GroundFilter {
             let row = y + TILE_SIDE - MARGIN;
             let (south, inside) = (row / TILE_SIDE, row % TILE_SIDE * TILE_SIDE);
             let mut from = TILE_SIDE - MARGIN;
-            let lows = &mut self.lows[y * SIDE..(y + 1) * SIDE];
+            let lows = &mut self.surface[y * SIDE..(y + 1) * SIDE];
             let mut is_trusted = [false; SIDE];
             let mut x = 0;
             while x < SIDE {
@@ -116,53 +124,70 @@ impl GroundFilter {
         }
     }
 
-    /// Fills the surface between what is known, near what has `changed`.
-    fn fill(&mut self, changed: impl Fn(&Self) -> &Bits, around: usize, octants: usize) {
-        let mut surface = std::mem::take(&mut self.surface);
-        fill(&mut surface, SIDE, [&self.known, changed(self)], within(around), octants);
-        self.surface = surface;
-    }
-
-    /// Leaves nothing of the surface but what is known.
-    fn clear_unknown(&mut self) {
-        for y in within(SURFACE) {
-            for x in within(SURFACE).filter(|&x| !self.known.has(x, y)) {
-                self.surface[y * SIDE + x] = NONE;
+    /// Marks low outliers and takes them out of what is known; whether there are any. What is surrounded by crowns alone is
+    /// ground: outliers lie as deep below the surface without crowns, too.
+    fn find_low(&mut self, ground: &GroundGrid) -> bool {
+        self.low.clear_all();
+        let most = ground.steps(LOW_SLOPE * ground.cell());
+        let cells = || within(CLOSED).flat_map(|y| within(CLOSED).map(move |x| (x, y)));
+        let is_deep = |closed: &Raster, surface: &Raster, at: usize| {
+            i64::from(closed[at]) - i64::from(surface[at]) > i64::from(most)
+        };
+        self.opening.close_by_one(&self.surface, within(CLOSED), &mut self.opened[0]);
+        let mut found = false;
+        for (x, y) in cells() {
+            if is_deep(&self.opened[0], &self.surface, y * SIDE + x)
+                && self.known.has(x, y)
+                && !self.trusted.has(x, y)
+            {
+                self.low.set(x, y);
+                found = true;
             }
         }
-    }
-
-    /// Marks low outliers and takes them out of what is known; whether there are any. `most`: depth of what is none, steps.
-    fn find_low(&mut self, most: u32) -> bool {
-        let closed = &mut self.opened[0];
-        self.opening.close_by_one(&self.surface, within(CLOSED), closed);
-        self.low.clear_all();
-        let mut found = false;
-        for y in within(CLOSED) {
-            for x in within(CLOSED) {
+        if !found {
+            return false;
+        }
+        self.clear_crowns(ground);
+        self.opening.close_by_one(&self.bare, within(CLOSED), &mut self.opened[0]);
+        found = false;
+        for (x, y) in cells() {
+            if self.low.has(x, y) {
                 let at = y * SIDE + x;
-                // A closing is nowhere below.
-                let depth = closed[at].wrapping_sub(self.surface[at]) as u32;
-                if depth > most && self.known.has(x, y) && !self.trusted.has(x, y) {
-                    self.low.set(x, y);
+                // Nothing surrounds what was taken away itself, with nothing to fill it from.
+                if self.bare[at] != NONE && is_deep(&self.opened[0], &self.surface, at) {
                     self.known.clear(x, y);
                     found = true;
+                } else {
+                    self.low.clear(x, y);
                 }
             }
         }
         found
     }
 
-    /// Marks objects by openings of growing radius, and takes them out of what is known.
-    fn find_objects(&mut self, ground: &GroundGrid) {
+    /// Makes the surface without what openings up to the size of a crown take away.
+    fn clear_crowns(&mut self, ground: &GroundGrid) {
+        self.find_objects(ground, ground.cells_of(CROWN_M, CROWN_CELLS), within(CROWNS));
+        self.bare.copy_from_slice(&self.surface);
+        self.crowns.clear_all();
+        for (y, row) in self.object.chunks_exact(SIDE).enumerate() {
+            self.crowns.set_row(y, row.iter().copied());
+        }
+        self.known.take_out(&self.crowns);
+        fill(&mut self.bare, SIDE, [&self.known, &self.crowns], within(BARE), ENCLOSED);
+        self.known.put_in(&self.crowns);
+    }
+
+    /// Marks objects by openings of radii up to `widest` cells.
+    fn find_objects(&mut self, ground: &GroundGrid, widest: usize, range: Range<usize>) {
         self.object.fill(false);
         let [before, opened] = &mut self.opened;
         before.copy_from_slice(&self.surface);
-        for radius in 1..=ground.windows() {
+        for radius in 1..=widest {
             let most = ground.steps(OBJECT_SLOPE * radius as f64 * ground.cell());
-            self.opening.open(&self.surface, radius, within(OPENED), opened);
-            for y in within(OPENED) {
-                let row = y * SIDE + within(OPENED).start..y * SIDE + within(OPENED).end;
+            self.opening.open(&self.surface, radius, range.clone(), opened);
+            for y in range.clone() {
+                let row = y * SIDE + range.start..y * SIDE + range.end;
                 let pairs = before[row.clone()].iter().zip(&opened[row.clone()]);
                 for (object, (&before, &opened)) in self.object[row].iter_mut().zip(pairs) {
                     *object |= i64::from(before) - i64::from(opened) > i64::from(most);
@@ -170,13 +195,23 @@ impl GroundFilter {
             }
             std::mem::swap(before, opened);
         }
+        for y in range.clone() {
+            for x in range.clone() {
+                self.object[y * SIDE + x] &= self.known.has(x, y) && !self.trusted.has(x, y);
+            }
+        }
+    }
+
+    /// Takes objects out of what is known, and leaves nothing of the surface but that.
+    fn take_out_objects(&mut self) {
         for y in within(OPENED) {
-            for x in within(OPENED) {
-                let at = y * SIDE + x;
-                self.object[at] &= self.known.has(x, y) && !self.trusted.has(x, y);
-                if self.object[at] {
-                    self.known.clear(x, y);
-                }
+            for x in within(OPENED).filter(|&x| self.object[y * SIDE + x]) {
+                self.known.clear(x, y);
+            }
+        }
+        for y in within(SURFACE) {
+            for x in within(SURFACE).filter(|&x| !self.known.has(x, y)) {
+                self.surface[y * SIDE + x] = NONE;
             }
         }
     }

@@ -9,7 +9,8 @@ type Tiles = HashMap<TileKey, LowTile>;
 
 /// Finest cells of `cell`, a metre in units.
 fn grid_of(cell: f64, metre: f64) -> GroundGrid {
-    GroundGrid::new(Grid { base_cell: cell, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP }, metre)
+    let grid = Grid { base_cell: cell, coarsen: 0, anchor: [0; 2], height_step: HEIGHT_STEP };
+    GroundGrid::new(grid, metre).unwrap()
 }
 
 /// Ground cells of a metre.
@@ -99,7 +100,7 @@ fn land(seed: u64) -> impl Fn(i32, i32) -> Option<f64> {
 fn a_twin_written_apart_comes_to_the_same() {
     // At a corner of four tiles, in the middle of one, at a border with a wide void.
     let places = [[208, 208], [60, 60], [208, 0]];
-    let grounds = [metres(), grid_of(0.3, 1.0), grid_of(1.0, 1.0)];
+    let grounds = [metres(), grid_of(0.3, 1.0), grid_of(4.0, 1.0)];
     let mut counts = [0; 5];
     for (seed, (ground, corner)) in (1..).zip(grounds.into_iter().zip(places)) {
         let up = land(seed);
@@ -370,6 +371,57 @@ fn a_pit_is_filled() {
     });
     assert!(cells().all(|at| tile.height(at) == Some(0)));
     assert_eq!(tile.flags([33, 33]), LOW | FILLED);
+}
+
+#[test]
+fn low_outliers_do_not_take_the_land_between_them() {
+    let ground = metres();
+    for (every, group, depth) in [(20, 1, 6.0), (20, 2, 6.0), (20, 2, 40.0), (7, 1, 12.0)] {
+        let is_low = |x: i32, y: i32| [x, y].iter().all(|v| v.rem_euclid(every) < group);
+        let tile = middle(&ground, |x, y| Some(if is_low(x, y) { -depth } else { 0.0 }));
+        for [x, y] in cells() {
+            let flags = if is_low(x, y) { LOW | FILLED } else { MEASURED };
+            assert_eq!((tile.flags([x, y]), tile.height([x, y])), (flags, Some(0)), "{every}: {x}, {y}");
+        }
+    }
+}
+
+/// One cell in eight was reached on the ground, and here and there one far below it.
+#[test]
+fn ground_in_a_dense_forest_is_ground() {
+    let ground = metres();
+    let rise = |x: i32| f64::from(x) * 0.1;
+    let of = |x: i32, y: i32| random((i64::from(x) * 7919 + i64::from(y) * 104_729) as u64);
+    let is_low = |x: i32, y: i32| x.rem_euclid(20) == 3 && y.rem_euclid(20) == 7;
+    let is_ground = |x: i32, y: i32| {
+        let mut next = of(x, y);
+        next(9);
+        next(8) == 0 && !is_low(x, y)
+    };
+    for depth in [0.0, 15.0] {
+        let up = |x: i32, y: i32| match (is_ground(x, y), is_low(x, y)) {
+            (true, _) => rise(x),
+            (_, true) => rise(x) - depth,
+            _ => rise(x) + 12.0 + f64::from(of(x + 1, y)(800)) / 100.0,
+        };
+        let tile = middle(&ground, |x, y| Some(up(x, y)));
+        let (mut reached, mut lost, mut low, mut missed, mut off) = (0, 0, 0, 0, 0);
+        for [x, y] in cells() {
+            let flags = tile.flags([x, y]);
+            if is_low(x, y) && depth > 0.0 {
+                low += 1;
+                missed += u32::from(flags != LOW | FILLED);
+            } else if is_ground(x, y) {
+                reached += 1;
+                lost += u32::from(flags != MEASURED);
+            }
+            let height = f64::from(tile.height([x, y]).unwrap()) * HEIGHT_STEP;
+            off += u32::from((height - rise(x)).abs() > 0.5);
+        }
+        println!("{reached} reached on the ground, {lost} lost; {low} far below, {missed} missed; {off} off");
+        // Around some, crowns are wider than openings take away.
+        assert!(reached > 7000 && lost * 500 < reached && missed * 20 <= low && off < 650);
+    }
 }
 
 #[test]

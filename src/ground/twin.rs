@@ -89,6 +89,25 @@ fn disc(radius: i32) -> Vec<[i32; 2]> {
     square.filter(|[dx, dy]| radius == 1 || dx * dx + dy * dy <= radius * radius).collect()
 }
 
+/// Whole cells in a length in m.
+fn ground_cells(ground: &GroundGrid, length_m: f64) -> i32 {
+    (length_m * ground.metre / ground.cell() + 1e-9).floor().max(1.0) as i32
+}
+
+/// 1 where openings by discs of up to `widest` cells take something away.
+fn objects(ground: &GroundGrid, surface: &Field, widest: i32) -> Field {
+    let mut is_object = surface.map(|_, _, _| 0.0);
+    let mut before = surface.clone();
+    for radius in 1..=widest {
+        let opened = surface.opened(&disc(radius));
+        let most = (0.15 * f64::from(radius) * ground.cell() / ground.grid.height_step).round();
+        is_object = is_object
+            .map(|x, y, is| f64::max(is, f64::from(u8::from(before.at(x, y) - opened.at(x, y) > most))));
+        before = opened;
+    }
+    is_object
+}
+
 /// What the twin says of a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell {
@@ -125,22 +144,22 @@ pub fn ground(
     let surface = lows.filled(5);
     let closed = surface.closed(&disc(1));
     let deepest = steps(5.0 * ground.cell());
+    let is_surrounded = lows
+        .map(|x, y, low| f64::from(u8::from(closed.at(x, y) - low > deepest && trusted.at(x, y).is_nan())));
+    // Without crowns.
+    let crowns = objects(ground, &surface, ground_cells(ground, 4.0));
+    let bare = lows.map(
+        |x, y, low| {
+            if crowns.at(x, y) == 1.0 && trusted.at(x, y).is_nan() { f64::NAN } else { low }
+        },
+    );
+    let closed = bare.filled(5).closed(&disc(1));
     let is_low = lows.map(|x, y, low| {
-        let is_low = closed.at(x, y) - surface.at(x, y) > deepest && trusted.at(x, y).is_nan();
-        f64::from(u8::from(is_low && !low.is_nan()))
+        f64::from(u8::from(is_surrounded.at(x, y) == 1.0 && closed.at(x, y) - low > deepest))
     });
     let known = lows.map(|x, y, low| if is_low.at(x, y) == 1.0 { f64::NAN } else { low });
     let surface = known.filled(5);
-    let mut is_object = known.map(|_, _, _| 0.0);
-    let mut before = surface.clone();
-    let widest = (18.0 * ground.metre / ground.cell() + 1e-9).floor().max(1.0) as i32;
-    for radius in 1..=widest {
-        let opened = surface.opened(&disc(radius));
-        let most = steps(0.15 * f64::from(radius) * ground.cell());
-        is_object = is_object
-            .map(|x, y, is| f64::max(is, f64::from(u8::from(before.at(x, y) - opened.at(x, y) > most))));
-        before = opened;
-    }
+    let is_object = objects(ground, &surface, ground_cells(ground, 18.0));
     let is_object = known.map(|x, y, low| {
         f64::from(u8::from(is_object.at(x, y) == 1.0 && !low.is_nan() && trusted.at(x, y).is_nan()))
     });
