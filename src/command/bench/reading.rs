@@ -4,10 +4,11 @@ use super::harness::{Harness, STOP};
 use crate::bench::ground::{self, GroundOptions};
 use crate::bench::ingest::{self, IngestOptions};
 use crate::bench::load as loading;
-use crate::bench::towns::Set;
+use crate::bench::towns::{Set, Towns};
 use crate::command::outcome::usage_of_load;
 use crate::load::{self, LoadOptions};
 use crate::synth;
+use std::path::PathBuf;
 
 /// Points of a file that is read.
 pub(super) const INGEST_POINTS: u64 = 20_000_000;
@@ -19,16 +20,22 @@ const LOAD_POINTS: u64 = 4_000_000;
 pub(super) const LOAD_RUNS: u32 = 3;
 
 impl Harness<'_> {
+    /// The files that were named; without any one of the town, kept as long as `towns` is.
+    fn files_or_town(&self, towns: &mut Towns) -> anyhow::Result<Vec<PathBuf>> {
+        let files = self.files()?;
+        if !files.is_empty() {
+            return Ok(files);
+        }
+        let set = self.town(self.args.points.unwrap_or(LOAD_POINTS));
+        let made = towns.files(&[set], &mut |what| self.say(format_args!("{what}")))?;
+        Ok(made.into_iter().flatten().collect())
+    }
+
     /// The thesis' loading and ours.
     pub(super) fn load(&mut self) -> anyhow::Result<()> {
         let args = self.args;
-        let mut files = self.files()?;
         let mut towns = self.towns();
-        if files.is_empty() {
-            let set = self.town(args.points.unwrap_or(LOAD_POINTS));
-            let made = towns.files(&[set], &mut |what| self.say(format_args!("{what}")))?;
-            files.extend(made.into_iter().flatten());
-        }
+        let files = self.files_or_town(&mut towns)?;
         let threads = if args.threads.is_empty() { vec![load::threads() as u32] } else { self.threads() };
         for file in files {
             let mut say = |what: &str| self.say(format_args!("{what}"));
@@ -42,13 +49,8 @@ impl Harness<'_> {
     /// The ground of unclassified points.
     pub(super) fn complete(&mut self) -> anyhow::Result<()> {
         let args = self.args;
-        let mut files = self.files()?;
         let mut towns = self.towns();
-        if files.is_empty() {
-            let set = self.town(args.points.unwrap_or(LOAD_POINTS));
-            let made = towns.files(&[set], &mut |what| self.say(format_args!("{what}")))?;
-            files.extend(made.into_iter().flatten());
-        }
+        let files = self.files_or_town(&mut towns)?;
         let options = LoadOptions { cell: Some(args.cell.into()), ..args.load_options() };
         let opening = load::open(&files, &options, self.problems).map_err(usage_of_load)?;
         let options = GroundOptions { truth: args.truth, threads: load::threads() as u32, runs: LOAD_RUNS };
